@@ -16,9 +16,13 @@ fn discovered(root: &Path, case: &str) -> (Value, tempfile::TempDir) {
     let vehicle = root.join(case).join("vehicle.toml").display().to_string();
     let identify = ["identify", "--vehicle", &vehicle, "--out", "model.toml"];
     json_of_case(folder.path(), &identify, &root.join(case));
-    let discover = ["discover", "--model", "model.toml", "--out", "effects.toml"];
+    let discover = ["discover", "--model", "model.toml", "--out", "effects.toml", "--html", "discovery.html"];
     let document = json_of_case(folder.path(), &discover, &root.join(case));
     schemas::assert_valid("discover", &document);
+    let page = std::fs::read_to_string(folder.path().join("discovery.html")).unwrap();
+    // A page has each form over the residual; of nothing there is no figure.
+    let proposals = document["proposals"].as_array().unwrap();
+    assert_eq!(page.contains("the form"), !proposals.is_empty(), "{case}");
     (document, folder)
 }
 

@@ -7,10 +7,10 @@
 #![forbid(unsafe_code)]
 
 use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use anyhow::Context;
 use clap::Parser;
 use diagnosis::workflow::{self, FlightSets, Reading, Silent};
 use diagnosis::{Discovery, DiscoveryVerdict, Options, Proposal};
@@ -47,6 +47,10 @@ struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 
+    /// Write the flights of each trial into a folder of its own under this one, for `quadlab discover`
+    #[arg(long, value_name = "DIR")]
+    keep: Option<PathBuf>,
+
     /// Length of a flight, s
     #[arg(long, value_name = "S", default_value_t = 24.0)]
     duration: f64,
@@ -71,7 +75,7 @@ const fn strange(id: &'static str, quantities: &'static [&'static [&'static str]
 const FORMS: &[Form] = &[
     form("ceiling", &[&["height"]]),
     form("wall", &[&["east"]]),
-    form("leak", &[&["time"], &["thrust", "time"]]),
+    form("leak", &[&["time"], &["thrust", "time"], &["thrust", "time", "u", "v", "w"]]),
     form("one-sided-drag", &[&["u"]]),
     form("settling", &[&["w"], &["thrust", "w"]]),
     form("stall", &[&["thrust"], &["rotor_speed"], &["rotor_speed", "thrust"]]),
@@ -82,8 +86,8 @@ const FORMS: &[Form] = &[
     form("skewed-drag", &[&["v"]]),
     form("table", &[&["north"]]),
     form("column", &[&["east", "north"]]),
-    form("failing", &[&["omega2", "time"]]),
-    form("heading-drag", &[&["psi", "u"], &["psi", "v"], &["psi", "u", "v"]]),
+    form("failing", &[&["time"]]),
+    form("heading-drag", &[&["psi", "u"], &["psi", "v"], &["psi", "u", "v"], &["psi", "u", "v", "w"]]),
     strange("draught", &[&["east", "north"]]),
     strange("wake-memory", &[&["w"], &["thrust", "w"]]),
     strange("hum", &[&["time"]]),
@@ -138,7 +142,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let outcomes: Vec<anyhow::Result<Outcome>> = trials
         .par_iter()
         .map(|trial| {
-            let outcome = outcome(trial).with_context(|| trial.name());
+            let outcome = outcome(trial, arguments.keep.as_deref());
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             let _ = writeln!(std::io::stderr(), "{count} of {}", trials.len());
             outcome
@@ -206,7 +210,7 @@ impl Trial<'_> {
 }
 
 /// A craft that its pilot cannot keep is no answer: another is drawn.
-fn outcome(trial: &Trial<'_>) -> anyhow::Result<Outcome> {
+fn outcome(trial: &Trial<'_>, keep: Option<&Path>) -> anyhow::Result<Outcome> {
     let mut last = None;
     for draw in 0..DRAWS {
         let trial = Trial { seed: trial.seed + draw * 1_000_000, ..*trial };
@@ -214,7 +218,13 @@ fn outcome(trial: &Trial<'_>) -> anyhow::Result<Outcome> {
         let id = trial.hidden.map_or(TURBULENCE, |form| form.id);
         let world = if trial.strength > 0.0 { calm.clone().with(id, trial.strength)? } else { calm.clone() };
         match (trial.flights(&calm), trial.flights(&world)) {
-            (Ok(calm_flights), Ok(flights)) => return judged(&calm, &calm_flights, &flights),
+            (Ok(calm_flights), Ok(flights)) => {
+                if let Some(folder) = keep {
+                    let words: Vec<String> = trial.name().split_whitespace().map(str::to_lowercase).collect();
+                    world.write(&folder.join(words.join("-")), &flights.iter().collect::<Vec<_>>())?;
+                }
+                return judged(&calm, &calm_flights, &flights);
+            }
             (Err(why), _) | (_, Err(why)) => last = Some(why),
         }
     }
@@ -270,7 +280,9 @@ fn line(trial: &Trial<'_>, outcome: &Outcome) -> String {
         None => "",
     };
     let said = match (&outcome.best, &outcome.refused) {
-        (Some(best), _) => format!("{} (p {:.0e})", best.formula, best.p_value),
+        (Some(best), _) => {
+            format!("{} of {} (p {:.0e})", best.formula, best.quantities.join(", "), best.p_value)
+        }
         (None, why) => format!("{:?} {}", outcome.verdict, why.as_deref().unwrap_or_default()),
     };
     let known: Vec<&str> = outcome.known.iter().map(|effect| effect.id()).collect();

@@ -26,7 +26,10 @@ pub(crate) fn long() -> TempDir {
 
 /// Five flights of a duration of it.
 pub(crate) fn flown(duration_s: f64) -> TempDir {
-    let world = small_world();
+    flown_by(&small_world(), duration_s)
+}
+
+fn flown_by(world: &World, duration_s: f64) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let fly =
         |pattern: &Pattern| world.fly(*pattern, duration_s, &Sensors::default(), 0).expect("the pilot copes");
@@ -92,4 +95,12 @@ pub(crate) fn copy(from: &Path, to: &Path) {
     for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
         fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
     }
+}
+
+/// Five flights of a craft that turns into the wind: no catalogue has the effect.
+pub(crate) fn weathercock() -> TempDir {
+    let seed = 13;
+    println!("flights of seed {seed}");
+    let world = World::new(Size::F330, seed).with("weathercock", 1.0).unwrap();
+    flown_by(&world, 24.0)
 }

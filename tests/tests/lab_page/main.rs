@@ -8,6 +8,7 @@
 mod accessibility;
 mod attacks;
 mod browser;
+mod discovery;
 mod figures;
 mod first_use;
 mod flights;

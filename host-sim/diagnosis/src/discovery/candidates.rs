@@ -26,7 +26,7 @@ const BASES: usize = 6;
 const REFINED: usize = 8;
 
 /// What a search of all forms finds.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(crate) struct Candidates {
     /// Forms fitted exactly, best first by flights left out.
     pub(crate) refined: Vec<Refined>,
@@ -84,7 +84,7 @@ pub(crate) fn candidates(
 
 /// The best form with a way to act that has a wider one, with that.
 fn wider(forms: &[Form]) -> Option<Form> {
-    forms.iter().find_map(|form| Some(Form { channel: form.channel.wider()?, factors: form.factors.clone() }))
+    forms.iter().find_map(|form| Some(Form { channel: form.channel.wider()?, ..form.clone() }))
 }
 
 fn knots_of(variable: &Variable) -> usize {

@@ -16,6 +16,8 @@ pub(crate) enum Channel {
     Thrust,
     /// A part of the thrust of one rotor: its force and its moments.
     Rotor(usize, RotorLever),
+    /// The same with its moments and its force apart: the model's other rotors may stand in for a part of either.
+    RotorApart(usize, RotorLever),
     /// Drag against all of the motion through the air.
     Drag,
     /// Drag against the forward and sideward motion through the air.
@@ -60,6 +62,7 @@ impl Channel {
     pub(crate) const fn wider(self) -> Option<Self> {
         match self {
             Self::Earth(0 | 1) => Some(Self::Horizontal),
+            Self::Rotor(k, lever) => Some(Self::RotorApart(k, lever)),
             _ => None,
         }
     }
@@ -67,7 +70,7 @@ impl Channel {
     /// Independent amplitudes.
     pub(crate) const fn amplitudes(self) -> usize {
         match self {
-            Self::Horizontal => 2,
+            Self::Horizontal | Self::RotorApart(..) => 2,
             _ => 1,
         }
     }
@@ -96,9 +99,9 @@ impl Channel {
                 sink.add(Axis::U, first, -per_mass * sample.air_velocity_m_s.x);
                 sink.add(Axis::V, first, -per_mass * sample.air_velocity_m_s.y);
             }
-            Self::Rotor(k, lever) => {
+            Self::Rotor(k, lever) | Self::RotorApart(k, lever) => {
                 let square = sample.rotor_thrust_rad2_s2[k] * value;
-                sink.add(Axis::W, first, -lever.lift * square);
+                sink.add(Axis::W, first + self.amplitudes() - 1, -lever.lift * square);
                 sink.add(Axis::P, first, lever.roll * square);
                 sink.add(Axis::Q, first, lever.pitch * square);
             }
@@ -116,7 +119,7 @@ impl Channel {
             Self::Body(Axis::Q) => &[Axis::Q],
             Self::Body(Axis::R) => &[Axis::R],
             Self::HorizontalDrag => &[Axis::U, Axis::V],
-            Self::Rotor(..) => &[Axis::W, Axis::P, Axis::Q],
+            Self::Rotor(..) | Self::RotorApart(..) => &[Axis::W, Axis::P, Axis::Q],
             Self::Earth(_) | Self::Horizontal | Self::Drag => &FORCES,
         }
     }
@@ -140,10 +143,11 @@ impl Channel {
             Self::Thrust => vec![row("w", "-thrust * ", "")],
             Self::Drag => ["u", "v", "w"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
             Self::HorizontalDrag => ["u", "v"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
-            Self::Rotor(k, _) => {
+            Self::Rotor(k, _) | Self::RotorApart(k, _) => {
                 let with =
                     |axis, lever: &str| row(axis, &format!("{lever}{} * {}^2 * ", k + 1, OMEGA[k]), "");
-                vec![with("w", "-lift"), with("p", "roll"), with("q", "pitch")]
+                let force = RowText { amplitude: self.amplitudes() - 1, ..with("w", "-lift") };
+                vec![force, with("p", "roll"), with("q", "pitch")]
             }
         }
     }
@@ -151,7 +155,7 @@ impl Channel {
     /// Constants in its formulas: name, unit and value.
     pub(crate) fn constants(self) -> Vec<(String, &'static str, f64)> {
         match self {
-            Self::Rotor(k, lever) => vec![
+            Self::Rotor(k, lever) | Self::RotorApart(k, lever) => vec![
                 (format!("lift{}", k + 1), "m", lever.lift),
                 (format!("roll{}", k + 1), "1", lever.roll),
                 (format!("pitch{}", k + 1), "1", lever.pitch),
@@ -164,6 +168,7 @@ impl Channel {
     pub(crate) const fn amplitude_names(self) -> &'static [&'static str] {
         match self {
             Self::Horizontal => &["north_k", "east_k"],
+            Self::RotorApart(..) => &["k", "lift_k"],
             _ => &["k"],
         }
     }
@@ -173,7 +178,7 @@ impl Channel {
         match self {
             Self::Body(Axis::P | Axis::Q | Axis::R) => "rad/s^2",
             Self::Body(_) | Self::Earth(_) | Self::Horizontal => "N",
-            Self::Thrust | Self::Rotor(..) => "1",
+            Self::Thrust | Self::Rotor(..) | Self::RotorApart(..) => "1",
             Self::Drag | Self::HorizontalDrag => "N s/m",
         }
     }
@@ -201,7 +206,9 @@ impl Channel {
             Self::Earth(_) => "A vertical force".into(),
             Self::Horizontal => "A horizontal force".into(),
             Self::Thrust => "A change of the thrust".into(),
-            Self::Rotor(k, _) => format!("A change of the thrust of motor {}", k + 1),
+            Self::Rotor(k, _) | Self::RotorApart(k, _) => {
+                format!("A change of the thrust of motor {}", k + 1)
+            }
             Self::Drag => "A change of the drag".into(),
             Self::HorizontalDrag => "A change of the horizontal drag".into(),
         }

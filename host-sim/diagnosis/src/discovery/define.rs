@@ -24,6 +24,7 @@ pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &
     let mut names = Names { taken: Vec::new() };
     let mut rows: BTreeMap<String, String> = BTreeMap::new();
     let (mut coefficient, mut values) = (Vec::new(), Vec::new());
+    let mut constant = constants(terms);
     for term in terms {
         let form = &term.form;
         let amplitudes: Vec<String> =
@@ -41,7 +42,7 @@ pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &
         let mut shapes = String::new();
         for (index, factor) in form.factors.iter().enumerate() {
             let variable = &variables[factor.variable];
-            let parameters: Vec<String> =
+            let mut parameters: Vec<String> =
                 factor.shape.family.parameters().iter().map(|(name, _)| names.new_one(name)).collect();
             for (k, name) in parameters.iter().enumerate() {
                 let value = form.value((index, k));
@@ -52,6 +53,12 @@ pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &
                     typical: typical(form, variables, (index, k)),
                 });
                 values.push(value);
+            }
+            if let Some(held) = factor.shape.family.held() {
+                let name = names.new_one(held);
+                let value = factor.shape.parameters[parameters.len()];
+                constant.push(ConstantDefinition { name: name.clone(), unit: variable.unit.clone(), value });
+                parameters.push(name);
             }
             shapes.push_str(" * ");
             shapes.push_str(&factor.shape.formula(variable.formula, &parameters));
@@ -68,7 +75,7 @@ pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &
         acceleration: rows,
         confused_with: BTreeMap::new(),
         coefficient,
-        constant: constants(terms),
+        constant,
         column: columns(terms, variables),
     };
     Defined { definition, values }

@@ -55,6 +55,15 @@ impl Form {
         moved
     }
 
+    /// The form with edges for steps that are too narrow to tell from them.
+    pub(crate) fn sharpened(&self, variables: &[Variable]) -> Self {
+        let mut sharp = self.clone();
+        for factor in &mut sharp.factors {
+            factor.shape = variables[factor.variable].span.sharpened(factor.shape);
+        }
+        sharp
+    }
+
     /// Where a parameter may lie.
     pub(crate) fn possible(&self, variables: &[Variable], parameter: (usize, usize)) -> [f64; 2] {
         variables[self.factors[parameter.0].variable].span.possible(self.role(parameter))

@@ -84,9 +84,19 @@ fn with_residual(problem: &Problem<'_>, columns: &[White]) -> DVector<f64> {
     DVector::from_iterator(columns.len(), columns.iter().map(of))
 }
 
-/// Fits a form from where a search found it.
+/// Fits a form from where a search found it; steps that turn out to be edges as such.
 pub(crate) fn refine(problem: &Problem<'_>, form: &Form, variables: &[Variable]) -> Option<Refined> {
-    let mut form = form.clone();
+    let (mut form, mut here) = settled(problem, form.clone(), variables)?;
+    let sharp = form.sharpened(variables);
+    if sharp != form {
+        (form, here) = settled(problem, sharp, variables)?;
+    }
+    let (gain_left_out, improved) = left_out(problem, &here);
+    Some(Refined { form, amplitudes: here.amplitudes.iter().copied().collect(), gain_left_out, improved })
+}
+
+/// A form at the parameters that fit best near where they are.
+fn settled(problem: &Problem<'_>, mut form: Form, variables: &[Variable]) -> Option<(Form, At)> {
     let mut here = At::new(problem, &form, variables)?;
     let parameters = form.parameters();
     let mut damping = 1e-3;
@@ -128,8 +138,7 @@ pub(crate) fn refine(problem: &Problem<'_>, form: &Form, variables: &[Variable])
             _ => damping *= 10.0,
         }
     }
-    let (gain_left_out, improved) = left_out(problem, &here);
-    Some(Refined { form, amplitudes: here.amplitudes.iter().copied().collect(), gain_left_out, improved })
+    Some((form, here))
 }
 
 /// What the form is worth on flights left out one by one, linearised about the fit to all of them.

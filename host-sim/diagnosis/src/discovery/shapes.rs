@@ -23,6 +23,8 @@ pub(crate) enum Family {
     HingeBelow,
     /// From nothing to one about a, within b.
     Step,
+    /// The same within less than flights can tell: b is held.
+    Edge,
     /// tanh(x / a).
     Saturation,
     /// exp(-x / a).
@@ -35,7 +37,7 @@ pub(crate) enum Family {
     Bump,
 }
 
-/// All families, simple ones first.
+/// The families that are tried, simple ones first. A step may become an edge ([`Span::sharpened`]).
 pub(crate) const FAMILIES: [Family; 14] = [
     Family::Proportional,
     Family::Straight,
@@ -70,10 +72,19 @@ impl Family {
             Self::Straight => &[("zero", Role::Place)],
             Self::HingeAbove | Self::HingeBelow => &[("from", Role::Place)],
             Self::Step => &[("at", Role::Place), ("within", Role::Length)],
+            Self::Edge => &[("at", Role::Place)],
             Self::Saturation => &[("full", Role::Length)],
             Self::Decay | Self::Growth => &[("decay", Role::Length)],
             Self::InverseSquare => &[("beyond", Role::Length)],
             Self::Bump => &[("center", Role::Place), ("width", Role::Length)],
+        }
+    }
+
+    /// The parameter that is not fitted.
+    pub(crate) const fn held(self) -> Option<&'static str> {
+        match self {
+            Self::Edge => Some("within"),
+            _ => None,
         }
     }
 
@@ -84,7 +95,7 @@ impl Family {
             Self::Square | Self::SignedSquare => 2,
             Self::Cube => 3,
             Self::InverseSquare => -2,
-            Self::Step | Self::Saturation | Self::Decay | Self::Growth | Self::Bump => 0,
+            Self::Step | Self::Edge | Self::Saturation | Self::Decay | Self::Growth | Self::Bump => 0,
         }
     }
 
@@ -100,7 +111,7 @@ impl Family {
             Self::SignedSquare => x * x.abs(),
             Self::HingeAbove => (x - a).max(0.0),
             Self::HingeBelow => (a - x).max(0.0),
-            Self::Step => 0.5 + 0.5 * ((x - a) / b).tanh(),
+            Self::Step | Self::Edge => 0.5 + 0.5 * ((x - a) / b).tanh(),
             Self::Saturation => (x / a).tanh(),
             Self::Decay => (-x / a).exp(),
             Self::Growth => (x / a).exp(),
@@ -122,7 +133,7 @@ impl Family {
             Self::SignedSquare => format!("{x} * abs({x})"),
             Self::HingeAbove => format!("max(0, {x} - {a})"),
             Self::HingeBelow => format!("max(0, {a} - {x})"),
-            Self::Step => format!("(1 + tanh(({x} - {a}) / {b})) / 2"),
+            Self::Step | Self::Edge => format!("(1 + tanh(({x} - {a}) / {b})) / 2"),
             Self::Saturation => format!("tanh({x} / {a})"),
             Self::Decay => format!("exp(-{x} / {a})"),
             Self::Growth => format!("exp({x} / {a})"),
@@ -214,6 +225,7 @@ impl Span {
                     lengths(&[0.03, 0.1, 0.25, 0.5, 1.0]).for_each(|beyond| put(beyond, 0.0));
                 }
                 Family::InverseSquare => (),
+                Family::Edge => (),
                 Family::Step => {
                     for within in lengths(&[0.02, 0.06, 0.15]) {
                         self.places(15).for_each(|at| put(at, within));
@@ -227,6 +239,13 @@ impl Span {
             }
         }
         all
+    }
+
+    /// A step that is as narrow as can be told, as an edge.
+    pub(crate) fn sharpened(&self, shape: Shape) -> Shape {
+        let [narrowest, _] = self.possible(Role::Length);
+        let is_edge = shape.family == Family::Step && shape.parameters[1] < 1.5 * narrowest;
+        if is_edge { Shape { family: Family::Edge, ..shape } } else { shape }
     }
 
     /// Where a parameter of a role may lie.
@@ -250,9 +269,9 @@ mod tests {
     /// The formula of every shape is read as an effect of users with its unit, and has the shape's values.
     #[test]
     fn formulas_say_what_shapes_do() {
-        for family in FAMILIES {
-            let parameters: Vec<String> =
-                family.parameters().iter().map(|(name, _)| (*name).to_owned()).collect();
+        for family in FAMILIES.into_iter().chain([Family::Edge]) {
+            let names = family.parameters().iter().map(|(name, _)| *name).chain(family.held());
+            let parameters: Vec<String> = names.map(ToOwned::to_owned).collect();
             let value = [0.7, 0.4];
             let constants: String = parameters
                 .iter()
@@ -303,6 +322,15 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn a_step_that_is_too_narrow_to_tell_is_an_edge() {
+        let step = |within| Shape { family: Family::Step, parameters: [0.3, within] };
+        let edge = SPAN.sharpened(step(0.005 * SPAN.length()));
+        assert_eq!((edge.family, edge.count()), (Family::Edge, 1));
+        assert_eq!(edge.parameters, [0.3, 0.016]);
+        assert_eq!(SPAN.sharpened(step(0.1)), step(0.1));
     }
 
     #[test]

@@ -55,6 +55,10 @@ pub(crate) fn sentence(term: &Refined, variables: &[Variable], thrust_coefficien
     let size = match form.channel {
         Channel::Thrust => format!("{} % of the thrust", number((100.0 * one / thrust_coefficient).abs())),
         Channel::Rotor(..) => format!("{} % of it", number((100.0 * one).abs())),
+        Channel::RotorApart(..) => {
+            let [moments, force] = [0, 1].map(|k| number(100.0 * most.get(k).map_or(0.0, |part| part.abs())));
+            format!("{force} % of its force and {moments} % of its moments as the model has them")
+        }
         Channel::Horizontal => {
             let [north, east] = [0, 1].map(|k| number(most.get(k).copied().unwrap_or(0.0)));
             format!("{north} N north and {east} N east")
@@ -99,7 +103,7 @@ fn directed(channel: Channel, amount: f64) -> String {
         Channel::Earth(1) => either("A force to the east", "A force to the west"),
         Channel::Earth(_) => either("A downward force", "An upward force"),
         Channel::Thrust => either("Extra thrust", "A loss of thrust"),
-        Channel::Rotor(k, _) => either(
+        Channel::Rotor(k, _) | Channel::RotorApart(k, _) => either(
             &format!("Extra thrust of motor {}", k + 1),
             &format!("A loss of thrust of motor {}", k + 1),
         ),
@@ -131,6 +135,7 @@ fn shape_words(form: &Form, index: usize, variables: &[Variable]) -> String {
         Family::HingeAbove => format!("where the {name} exceeds {}, growing from there", value(0)),
         Family::HingeBelow => format!("where the {name} is below {}, growing from there", value(0)),
         Family::Step => format!("where the {name} is above {} (the step is {} wide)", value(0), value(1)),
+        Family::Edge => format!("where the {name} is above {}", value(0)),
         Family::Saturation => format!("following the {name}, saturated beyond about {}", value(0)),
         Family::Decay => format!("decaying with the {name} (by a factor of e per {})", value(0)),
         Family::Growth => format!("growing with the {name} (by a factor of e per {})", value(0)),
@@ -190,7 +195,9 @@ pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'
         (_, Some(_)) if on(&["north", "east"]) => {
             "the edge of a table, or vertical air in a part of the room"
         }
-        (Channel::Rotor(..), _) if on(&["time"]) => "a motor or a propeller that fails",
+        (Channel::Rotor(..) | Channel::RotorApart(..), _) if on(&["time"]) => {
+            "a motor or a propeller that fails"
+        }
         (Channel::Body(Axis::R), _) if on(&["v"]) => "a craft that turns into the wind like a weathercock",
         (Channel::Body(Axis::R), _) if on(&["psi", "sine of the heading", "cosine of the heading"]) => {
             "a cable that twists"

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use model::user_effects::{Definition, USUAL_COLUMNS, file_of, place_of_column};
+use model::user_effects::{MAX_COEFFICIENTS, USUAL_COLUMNS, file_of, place_of_column};
 use model::{Axis, Effect, Model, PerAxis, effects};
 use sysid::{Fit, FitError};
 
@@ -89,13 +89,16 @@ fn discover_beyond(
     let (mut rest, mut refused) = (hunt.fitted(model)?, None);
     let mut left = hunt.left(&rest);
     let found = candidates(&sets.train(), model, &variables, observer);
-    let search_p_value = found.p_value;
-    let mut next = Some(found.clone());
-    while let Some(found) = next.take().filter(|found| found.p_value < SIGNIFICANT) {
+    let mut further: Option<Candidates> = None;
+    loop {
         if observer.is_cancelled() {
             return Err(WorkflowError::Cancelled);
         }
-        match hunt.next_term(&rest.fit.model, &found, terms.len()) {
+        let found = further.as_ref().unwrap_or(&found);
+        if found.p_value >= SIGNIFICANT {
+            break;
+        }
+        match hunt.next_term(&rest.fit.model, found, &terms) {
             Next::Term(found) => {
                 let (term, with) = *found;
                 terms.push(term);
@@ -108,18 +111,19 @@ fn discover_beyond(
             }
         }
         // Where nothing is left, no further term is looked for.
-        if terms.len() < MOST_TERMS && !left.is_empty() {
-            next = Some(candidates(&sets.train(), &rest.fit.model, &variables, observer));
+        if terms.len() == MOST_TERMS || left.is_empty() {
+            break;
         }
+        further = Some(candidates(&sets.train(), &rest.fit.model, &variables, observer));
     }
     let (proposals, model) = hunt.proposals(&terms, &found)?;
-    let verdict = match (proposals.is_empty(), left.is_empty() && refused.is_none()) {
+    let verdict = match (proposals.is_empty(), left.is_empty()) {
         (false, _) => DiscoveryVerdict::Proposed,
         (true, true) => DiscoveryVerdict::Nothing,
         (true, false) => DiscoveryVerdict::NotAFormula,
     };
-    let refused = refused.filter(|_| proposals.is_empty());
-    Ok(Discovery { proposals, verdict, known, refused, left, search_p_value, model })
+    let refused = refused.filter(|_| verdict == DiscoveryVerdict::NotAFormula);
+    Ok(Discovery { proposals, verdict, known, refused, left, search_p_value: found.p_value, model })
 }
 
 /// What comes of a search for a further term.
@@ -139,13 +143,16 @@ struct Hunt<'a> {
 }
 
 impl Hunt<'_> {
-    /// The next term about a model, and the fit with it, unless the flights held out do not bear it out.
-    fn next_term(&self, about: &Model, found: &Candidates, place: usize) -> Next {
+    /// The next term beside those that there are, about a model with these, and the fit with it, unless the flights held out do not
+    /// bear it out.
+    fn next_term(&self, about: &Model, found: &Candidates, terms: &[Refined]) -> Next {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
-        let id = format!("discovered-term-{}", place + 1);
+        let id = format!("discovered-term-{}", terms.len() + 1);
+        let room = MAX_COEFFICIENTS.saturating_sub(terms.iter().map(|term| term.form.count()).sum());
         let mut refused: Option<String> = None;
         let mut asked: Vec<Axis> = Vec::new();
-        for chosen in ranked(&found.refined).into_iter().take(FITTED) {
+        let has_room = |chosen: &&Refined| chosen.form.count() <= room;
+        for chosen in ranked(&found.refined).into_iter().filter(has_room).take(FITTED) {
             // The flights held out are asked once of each axis.
             if chosen.form.channel.axes().iter().any(|axis| asked.contains(axis)) {
                 continue;
@@ -302,5 +309,5 @@ const MOST_SENTENCE: usize = 290;
 
 /// Proposals as the text of a file of users' effects.
 pub fn effects_file(proposals: &[Proposal]) -> String {
-    file_of(proposals.iter().map(|proposal| proposal.definition.clone()).collect::<Vec<Definition>>())
+    file_of(proposals.iter().map(|proposal| proposal.definition.clone()).collect())
 }

@@ -2,23 +2,18 @@
 
 use std::path::PathBuf;
 
+use diagnosis::Discovery;
 use diagnosis::workflow;
-use diagnosis::{Discovery, DiscoveryVerdict, Proposal, Unexplained};
-use model::Effect;
-use report::number::{p_equation, percent};
-use schemars::JsonSchema;
-use serde::Serialize;
 
-use crate::cli::colour;
-use crate::cli::effect_names::listed;
 use crate::cli::faults::{self, FaultOptions};
 use crate::cli::flights::SetOptions;
 use crate::cli::model_files::{read_model, vehicle_of};
-use crate::cli::output::{Outcome, OutputOptions};
+use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
-use crate::render::tables;
+use crate::render::discovery::{answer, conclusion, document};
+use crate::render::{discovery_page, pages, tables};
 
 /// Find a formula for an effect that is not in the catalogue.
 ///
@@ -53,6 +48,10 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML")]
     out: Option<PathBuf>,
 
+    /// Page with each form drawn over the residual, for example: --html discovery.html
+    #[arg(long, value_name = "HTML")]
+    html: Option<PathBuf>,
+
     #[command(flatten)]
     faults: FaultOptions,
 
@@ -65,7 +64,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let mut inputs = files.paths();
     inputs.extend(options.model.iter().chain(&options.vehicle));
     inputs.extend(options.effects.paths());
-    options.output.check(&options.out, &inputs)?;
+    options.output.check(options.out.iter().chain(&options.html), &inputs)?;
     let effects = options.effects.read()?;
     let search = options.without.options()?;
     let terminal = Terminal::new(options.output.json);
@@ -87,6 +86,13 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if let (Some(path), false) = (&options.out, discovery.proposals.is_empty()) {
         report::write_atomic(path, workflow::effects_file(&discovery.proposals))?;
     }
+    if let Some(path) = &options.html {
+        let page = discovery_page::discovery(&conclusion(&discovery), &sets, &discovery);
+        let given = options.model.iter().chain(&options.vehicle).map(PathBuf::as_path);
+        pages::with_checks(page, sets.all(), &sets.faults)
+            .provenance(provenance(&given.collect::<Vec<_>>(), sets.all()))
+            .write(path)?;
+    }
     if options.output.json {
         return faults::json(&document(&discovery), sets.all(), &sets.faults);
     }
@@ -103,95 +109,8 @@ fn text(options: &Options, discovery: &Discovery) -> String {
     if let (Some(path), false) = (&options.out, discovery.proposals.is_empty()) {
         text.push_str(&format!("effects written to {}\n", path.display()));
     }
-    text
-}
-
-/// The conclusion, and each proposal.
-pub(crate) fn answer(discovery: &Discovery) -> String {
-    let mut text = colour::lead(&tables::paragraph(&conclusion(discovery)));
-    for proposal in &discovery.proposals {
-        text.push('\n');
-        text.push_str(&proposal_text(proposal));
+    if let Some(path) = &options.html {
+        text.push_str(&format!("page: {}\n", path.display()));
     }
     text
-}
-
-/// What the search ends with, in a paragraph.
-fn conclusion(discovery: &Discovery) -> String {
-    let known = match &discovery.known[..] {
-        [] => "Known effects added first: none.".to_owned(),
-        known => format!("Known effects added first: {}.", listed(known)),
-    };
-    let chance = p_equation(discovery.search_p_value);
-    let answer = match (discovery.verdict, discovery.proposals.first()) {
-        (_, Some(best)) => format!(
-            "Proposed: {} It explains {} of the held-out residual beyond noise ({}).",
-            best.sentence,
-            share(best.share_of_structure_percent),
-            p_equation(best.p_value)
-        ),
-        (DiscoveryVerdict::Nothing, None) => format!(
-            "Nothing is proposed: the residual is noise, and the best form is no better than chance ({chance}; the limit is 0.01)."
-        ),
-        (_, None) => {
-            let best = discovery.refused.as_ref();
-            let best = best.map_or_else(String::new, |why| format!(" The best form was refused: {why}."));
-            format!(
-                "Nothing is proposed: something is left, but no formula predicts it on other flights (not-a-formula). Turbulence, lost \
-                 data or someone touching the craft leave such residuals.{best} Next: repeat a pattern in still air, with at least \
-                 three flights to fit on and two to judge by."
-            )
-        }
-    };
-    format!("{answer} {known}")
-}
-
-/// A share that is as good as all is not told to the last digit.
-fn share(percent_of_all: f64) -> String {
-    if percent_of_all > 99.0 { "over 99 %".into() } else { format!("{} %", percent(percent_of_all)) }
-}
-
-fn proposal_text(proposal: &Proposal) -> String {
-    let mut lines = vec![format!("{}: {}", proposal.id, proposal.formula)];
-    for c in &proposal.coefficients {
-        lines.push(format!("  {} = {}", c.name, report::number::with_error(c.value, c.std_error, c.unit)));
-    }
-    let drops: Vec<String> =
-        proposal.drop_percent.iter().map(|(axis, drop)| format!("{axis} {} %", percent(*drop))).collect();
-    lines.push(format!(
-        "  Held-out squared error, noise included, falls: {}; on {} of {} flights.",
-        drops.join(", "),
-        proposal.flights_improved[0],
-        proposal.flights_improved[1]
-    ));
-    lines.push(format!(
-        "  Leave-one-out: improves {} of {} training flights.",
-        proposal.splits[0], proposal.splits[1]
-    ));
-    lines.extend(proposal.physics.map(|physics| format!("  Consistent with: {physics}.")));
-    lines.push(match &proposal.rivals[..] {
-        [] => "  No form in other quantities explains these flights about as well.".into(),
-        rivals => format!("  These flights cannot distinguish it from: {}.", rivals.join("; ")),
-    });
-    lines.push(format!("  To confirm: {}.", proposal.excite));
-    lines.join("\n") + "\n"
-}
-
-#[derive(Serialize, JsonSchema)]
-pub(crate) struct Document<'a> {
-    proposals: &'a [Proposal],
-    verdict: DiscoveryVerdict,
-    known: &'a [Effect],
-    unexplained: &'a [Unexplained],
-    search_p_value: f64,
-}
-
-pub(crate) fn document(discovery: &Discovery) -> Document<'_> {
-    Document {
-        proposals: &discovery.proposals,
-        verdict: discovery.verdict,
-        known: &discovery.known,
-        unexplained: &discovery.left,
-        search_p_value: discovery.search_p_value,
-    }
 }

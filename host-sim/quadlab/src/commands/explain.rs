@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use diagnosis::workflow::{self, Explanation};
 use diagnosis::{Discovery, Unexplained, Verdict};
 use model::{Effect, NotIdentified, PerAxis, PerGroup};
+use report::Page;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -17,8 +18,7 @@ use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
-use crate::commands::discover;
-use crate::render::{pages, tables};
+use crate::render::{discovery, discovery_page, pages, tables};
 
 /// Identify the basic model, then add effects until the flights support no further one.
 ///
@@ -90,6 +90,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     report::write_atomic(&options.out, explanation.model.to_toml())?;
     if let Some(path) = &options.html {
         let page = pages::explanation(&explanation.conclusion(), &sets, &explanation);
+        let discovered = discovery.iter().flat_map(|found| discovery_page::sections(&sets, found));
+        let page = discovered.fold(page, Page::section);
         pages::with_checks(page, sets.all(), &sets.faults)
             .provenance(provenance(
                 &vehicle_file.iter().map(PathBuf::as_path).collect::<Vec<_>>(),
@@ -102,7 +104,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     } else {
         faults::warn(&sets.faults);
         let found =
-            discovery.as_ref().map_or_else(String::new, |found| format!("\n{}", discover::answer(found)));
+            discovery.as_ref().map_or_else(String::new, |found| format!("\n{}", discovery::answer(found)));
         Outcome::done(text(options, &explanation) + &found)
     };
     Ok(Outcome { holds: explanation.verdict() != Verdict::NotIdentified, ..outcome })
@@ -152,7 +154,7 @@ pub(crate) struct Document<'a> {
     refinement: Option<RefinementEntry>,
     /// The form of what is left, where it was asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
-    discovery: Option<discover::Document<'a>>,
+    discovery: Option<discovery::Document<'a>>,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -184,6 +186,6 @@ fn document<'a>(explanation: &'a Explanation, discovery: Option<&'a Discovery>) 
         unexplained: &explanation.last_diagnosis.unexplained,
         not_identified: &explanation.last_diagnosis.not_identified,
         refinement: explanation.refinement.as_ref().map(RefinementEntry::from),
-        discovery: discovery.map(discover::document),
+        discovery: discovery.map(discovery::document),
     }
 }

@@ -12,9 +12,10 @@ use sysid::Comparison;
 
 use crate::cli::faults::WithFaults;
 use crate::commands::{
-    add, compare, design, design_report, discover, effects, excite, explain, identify, import, linearize,
-    motor_map, plan,
+    add, compare, design, design_report, effects, excite, explain, identify, import, linearize, motor_map,
+    plan,
 };
+use crate::render::discovery;
 
 /// Writes the schemas, one file a document.
 pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
@@ -39,7 +40,7 @@ fn schemas() -> [(&'static str, &'static str, Schema); 18] {
         ("diagnose-changed-why", "diagnose --changed --why", of::<WhyChanged>()),
         ("add", "add", of::<WithFaults<add::Document>>()),
         ("explain", "explain", of::<WithFaults<explain::Document>>()),
-        ("discover", "discover", of::<WithFaults<discover::Document>>()),
+        ("discover", "discover", of::<WithFaults<discovery::Document>>()),
         ("effects", "effects", of::<Vec<effects::Entry>>()),
         ("linearize", "linearize", of::<linearize::Document>()),
         ("design", "design", of::<design::Document>()),

@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use diagnosis::workflow::{self, Explanation, FlightSets, FlightsOfOneKind, Reading};
-use diagnosis::{Diagnosis, Options};
+use diagnosis::{Diagnosis, Discovery, Options};
+use model::user_effects::file_of;
 use model::{Effect, Model, Vehicle};
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -15,6 +16,7 @@ use super::refused::Refused;
 use super::session::{Job, Session, Telling};
 use super::terminal::names;
 use crate::cli::effect_names::known_effect;
+use crate::render::discovery;
 
 /// What the page asks for.
 #[derive(Debug, Deserialize)]
@@ -28,6 +30,8 @@ pub(super) enum Task {
     Add { model: u32, effect: String },
     /// What has changed since a model was good?
     Changed { model: u32 },
+    /// What does the unknown effect look like that a model lacks?
+    Discover { model: u32 },
     /// All of it, until nothing supported is missing.
     Explain,
 }
@@ -39,6 +43,7 @@ impl Task {
             Self::Diagnose { .. } => "diagnose",
             Self::Add { .. } => "add",
             Self::Changed { .. } => "changed",
+            Self::Discover { .. } => "discover",
             Self::Explain => "explain",
         }
     }
@@ -102,6 +107,7 @@ impl Work<'_> {
             Task::Diagnose { model } => self.diagnose(model),
             Task::Add { model, effect } => self.add(model, &effect),
             Task::Changed { model } => self.changed(model),
+            Task::Discover { model } => self.discover(model),
             Task::Explain => self.explain(),
         }
     }
@@ -149,6 +155,17 @@ impl Work<'_> {
         self.session.tell_of(id, |node| node.changes = Some(changes))
     }
 
+    fn discover(&self, id: u32) -> Result<(), Refused> {
+        workflow::prepare_to_discover();
+        self.session.read_further_columns()?;
+        let model = self.session.node(id)?.model;
+        let mut sets = self.sets()?;
+        let own = self.session.own_effects();
+        let found = workflow::discover(&model, &own, &mut sets, &Options::default(), &self.telling)?;
+        let command = self.session.command(&format!("discover --model lab/model-{id}.toml"));
+        self.session.tell_of(id, |node| node.discovery = Some(discovered(id, &found, &command)))
+    }
+
     fn add(&self, id: u32, effect: &str) -> Result<(), Refused> {
         let (parent, effect) = (self.session.node(id)?, known_effect(effect)?);
         let added = self.session.fit_with(&parent.model, effect, self.vehicle, &self.telling)?;
@@ -191,6 +208,21 @@ impl Work<'_> {
         }
         self.session.tell_of(id, |node| node.diagnosis = Some(document(&explanation.last_diagnosis)))
     }
+}
+
+/// A discovery as `quadlab discover --json` gives it, with its conclusion, and each proposal as a file of an effect of the user's own.
+fn discovered(id: u32, found: &Discovery, command: &str) -> Value {
+    let mut document = serde_json::to_value(discovery::document(found)).unwrap_or_default();
+    document["conclusion"] = json!(discovery::conclusion(found));
+    document["command"] = json!(command);
+    for (place, proposal) in found.proposals.iter().enumerate() {
+        // Of several models each has its own first proposal.
+        let mut definition = proposal.definition.clone();
+        definition.id = format!("discovered-{id}-{}", place + 1);
+        document["proposals"][place]["own"] = json!(definition.id);
+        document["proposals"][place]["text"] = json!(file_of(vec![definition]));
+    }
+    document
 }
 
 /// A diagnosis as `quadlab diagnose --json` gives it, with what each effect is.

@@ -23,6 +23,8 @@ pub(super) struct Node {
     pub(super) diagnosis: Option<Value>,
     /// The document of `quadlab diagnose --changed --json`.
     pub(super) changes: Option<Value>,
+    /// The document of `quadlab discover --json`.
+    pub(super) discovery: Option<Value>,
 }
 
 impl Node {
@@ -38,6 +40,7 @@ impl Node {
             model: Arc::new(model),
             diagnosis: None,
             changes: None,
+            discovery: None,
         }
     }
 
@@ -67,6 +70,7 @@ impl Node {
             "axes": axes,
             "verdict": self.diagnosis.as_ref().map(|diagnosis| diagnosis["verdict"].clone()),
             "changed": self.changes.as_ref().map(|changes| changes["verdict"].clone()),
+            "discovered": self.discovery.as_ref().map(|discovery| discovery["verdict"].clone()),
             "supported": self.supported,
             "command": self.command,
             "note": self.note,

@@ -57,6 +57,7 @@ pub(super) fn router(session: Arc<Session>) -> Router {
         .route("/api/comparison", get(comparison))
         .route("/api/diagnosis", get(diagnosis))
         .route("/api/changes", get(changes))
+        .route("/api/discovery", get(discovery))
         .route("/api/why", get(why))
         .route("/api/series", get(series))
         .route("/api/quantities", get(quantities))
@@ -200,6 +201,16 @@ async fn changes(
             StatusCode::NOT_FOUND,
             "nobody has asked what changed since this model: mark flights as flown later, and press What changed?",
         ),
+    })
+}
+
+async fn discovery(
+    State(session): Shared,
+    Asked(OfModel { model }): Asked<OfModel>,
+) -> Result<Response, Refused> {
+    Ok(match session.node(model)?.discovery {
+        Some(discovery) => Json(discovery).into_response(),
+        None => refusal(StatusCode::NOT_FOUND, "nobody has asked what this model lacks: press Discover"),
     })
 }
 

@@ -126,8 +126,18 @@ impl Store {
             let text = std::fs::read_to_string(self.place_of(&name)?);
             Ok(text.ok().and_then(|text| serde_json::from_str(&text).ok()))
         };
-        let (diagnosis, changes) = (found(diagnosis_file(id))?, found(changes_file(id))?);
-        Ok(Node { id, parent, effect, supported, command, note, model: model.into(), diagnosis, changes })
+        Ok(Node {
+            id,
+            parent,
+            effect,
+            supported,
+            command,
+            note,
+            model: model.into(),
+            diagnosis: found(diagnosis_file(id))?,
+            changes: found(changes_file(id))?,
+            discovery: found(discovery_file(id))?,
+        })
     }
 
     /// Keeps all but the models.
@@ -139,9 +149,11 @@ impl Store {
     /// Keeps a model and what was found in it.
     pub(super) fn write_node(&self, node: &Node) -> Result<(), StoreError> {
         self.put(&model_file(node.id), &node.model.to_toml())?;
-        for (name, found) in
-            [(diagnosis_file(node.id), &node.diagnosis), (changes_file(node.id), &node.changes)]
-        {
+        for (name, found) in [
+            (diagnosis_file(node.id), &node.diagnosis),
+            (changes_file(node.id), &node.changes),
+            (discovery_file(node.id), &node.discovery),
+        ] {
             match found {
                 Some(found) => self.put(&name, &found.to_string())?,
                 None => self.remove(&name)?,
@@ -236,6 +248,10 @@ fn diagnosis_file(id: u32) -> String {
 
 fn changes_file(id: u32) -> String {
     format!("changes-{id}.json")
+}
+
+fn discovery_file(id: u32) -> String {
+    format!("discovery-{id}.json")
 }
 
 fn own_file(id: &str) -> String {

@@ -112,7 +112,7 @@ pub(crate) fn residual_against(views: &[View], axis: Axis, quantity: &str) -> Op
     Some(binned_scatter(&title, report::Axis::new(quantity, unit), residual_axis(axis), &points, BINS))
 }
 
-fn residual_axis(axis: Axis) -> report::Axis {
+pub(crate) fn residual_axis(axis: Axis) -> report::Axis {
     report::Axis::new(format!("measured − predicted {}", axis.name()), axis.unit())
 }
 

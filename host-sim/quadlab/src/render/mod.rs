@@ -2,6 +2,8 @@
 
 pub(crate) mod design_pages;
 pub(crate) mod design_tables;
+pub(crate) mod discovery;
+pub(crate) mod discovery_page;
 pub(crate) mod documents;
 pub(crate) mod evidence;
 pub(crate) mod excite_page;

@@ -13,7 +13,7 @@ use crate::render::view::{self, View};
 /// Most residual plots on a page.
 const MOST_RESIDUALS: usize = 4;
 
-trait Add {
+pub(crate) trait Add {
     fn captioned(self, figure: Captioned) -> Self;
     fn grid(self, grid: &Grid) -> Self;
 }

@@ -10,7 +10,7 @@
  *   used: Used[], faults: Fault[], problem: string|null, note: string, height: [number, number][], battery: [number, number][],
  *   flights?: string[]}} Flight a file with a flight, or a log with some */
 /** @typedef {{id: number, parent: number|null, effect: string|null, label: string, fitted_on: string[], judged_on: string[],
- *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, changed: string|null, supported: boolean|null, command: string,
+ *   effects: string[], axes: Record<Axis, Errors>|null, verdict: string|null, changed: string|null, discovered: string|null, supported: boolean|null, command: string,
  *   note: string}} Model */
 /** @typedef {{do: string, activity: string, done: number|null, all: number|null}} Job */
 /** @typedef {{id: string, text: string, problem: string|null, models: number[]}} OwnEffect a kept effect, and the models that have it */

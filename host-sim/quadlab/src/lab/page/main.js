@@ -3,6 +3,7 @@
 import { drawAdvice, forget } from "./advice.js";
 import { ServerError, flightsOf, get, post } from "./api.js";
 import { drawChanges, forgetChanges } from "./changed.js";
+import { drawDiscovery, forgetDiscovery } from "./discovered.js";
 import { byId, el, fill } from "./dom.js";
 import { drawFlights } from "./flights.js";
 import { drawLegend } from "./legend.js";
@@ -252,6 +253,7 @@ function drawState() {
   drawJob(state.job);
   app.act(drawAdvice(app, byId("advice")));
   app.act(drawChanges(app, byId("changes")));
+  app.act(drawDiscovery(app, byId("discovery")));
   drawTabs();
 }
 
@@ -290,6 +292,7 @@ function drawJob(job) {
   byId("identify").disabled = blocked;
   byId("explain").disabled = blocked;
   byId("diagnose").disabled = blocked || !model;
+  byId("discover").disabled = blocked || !model;
   byId("changed").hidden = !state?.flights.some((flight) => flight.set === "later");
   byId("changed").disabled = blocked || !model;
   byId("cancel").disabled = !busy;
@@ -358,7 +361,7 @@ const LOST =
   "The connection to quadlab is lost. The page goes on by itself when quadlab answers again. If quadlab has ended, start it again and open the address that it prints.";
 
 /** What is shown as running; looking for evidence and reading are not. */
-const JOBS = ["identify", "diagnose", "add", "explain", "changed"];
+const JOBS = ["identify", "diagnose", "add", "explain", "changed", "discover"];
 
 function listen() {
   const events = new EventSource("/api/events");
@@ -376,6 +379,7 @@ function listen() {
     drawJob(null);
     forget();
     forgetChanges();
+    forgetDiscovery();
     details.clear();
     comparisons.clear();
     if (error === "cancelled") byId("announced").textContent = "cancelled";
@@ -416,6 +420,7 @@ function wireButtons() {
   byId("save").append(...saveButtons(app, () => tabs[app.view.tab].picture(), "save"));
   byId("identify").addEventListener("click", () => app.run({ do: "identify" }));
   byId("diagnose").addEventListener("click", () => app.run({ do: "diagnose", model: app.current()?.id }));
+  byId("discover").addEventListener("click", () => app.run({ do: "discover", model: app.current()?.id }));
   byId("changed").addEventListener("click", () => app.run({ do: "changed", model: app.current()?.id }));
   byId("explain").addEventListener("click", () => app.run({ do: "explain" }));
   byId("cancel").addEventListener("click", () => app.act(post("/api/cancel", {})));
