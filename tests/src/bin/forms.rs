@@ -15,8 +15,9 @@ use clap::Parser;
 use diagnosis::workflow::{self, FlightSets, Reading, Silent};
 use diagnosis::{Discovery, DiscoveryVerdict, Options, Proposal};
 use flights::Flight;
-use model::{AXES, Effect, Model, PerAxis};
+use model::{AXES, Effect, Model, PerAxis, QUANTITIES};
 use rayon::prelude::*;
+use serde_json::json;
 use stories::world::{Pattern, Sensors, Size, World};
 
 /// Measure how often forms that no catalogue has are discovered
@@ -50,6 +51,11 @@ struct Arguments {
     /// Write the flights of each trial into a folder of its own under this one, for `quadlab discover`
     #[arg(long, value_name = "DIR")]
     keep: Option<PathBuf>,
+
+    /// Write what the basic model leaves in each trial, with all measured quantities, into folders under this one, for
+    /// tests/peers/forms.py
+    #[arg(long, value_name = "DIR")]
+    libraries: Option<PathBuf>,
 
     /// Length of a flight, s
     #[arg(long, value_name = "S", default_value_t = 24.0)]
@@ -86,7 +92,7 @@ const FORMS: &[Form] = &[
     form("skewed-drag", &[&["v"]]),
     form("table", &[&["north"]]),
     form("column", &[&["east", "north"]]),
-    form("failing", &[&["time"]]),
+    form("failing", &[&["time"], &["omega2", "time"]]),
     form("heading-drag", &[&["psi", "u"], &["psi", "v"], &["psi", "u", "v"], &["psi", "u", "v", "w"]]),
     strange("draught", &[&["east", "north"]]),
     strange("wake-memory", &[&["w"], &["thrust", "w"]]),
@@ -142,7 +148,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let outcomes: Vec<anyhow::Result<Outcome>> = trials
         .par_iter()
         .map(|trial| {
-            let outcome = outcome(trial, arguments.keep.as_deref());
+            let outcome = outcome(trial, arguments);
             let count = done.fetch_add(1, Ordering::Relaxed) + 1;
             let _ = writeln!(std::io::stderr(), "{count} of {}", trials.len());
             outcome
@@ -200,6 +206,10 @@ impl Trial<'_> {
         format!("{hidden:16} {:4} {:5} {}", self.strength, self.size.name(), self.seed)
     }
 
+    fn folder(&self) -> String {
+        self.name().split_whitespace().map(str::to_lowercase).collect::<Vec<_>>().join("-")
+    }
+
     /// The five flights of a world.
     fn flights(&self, world: &World) -> anyhow::Result<Vec<Flight>> {
         let sensors = Sensors::noisy(1.0);
@@ -210,7 +220,7 @@ impl Trial<'_> {
 }
 
 /// A craft that its pilot cannot keep is no answer: another is drawn.
-fn outcome(trial: &Trial<'_>, keep: Option<&Path>) -> anyhow::Result<Outcome> {
+fn outcome(trial: &Trial<'_>, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut last = None;
     for draw in 0..DRAWS {
         let trial = Trial { seed: trial.seed + draw * 1_000_000, ..*trial };
@@ -219,11 +229,11 @@ fn outcome(trial: &Trial<'_>, keep: Option<&Path>) -> anyhow::Result<Outcome> {
         let world = if trial.strength > 0.0 { calm.clone().with(id, trial.strength)? } else { calm.clone() };
         match (trial.flights(&calm), trial.flights(&world)) {
             (Ok(calm_flights), Ok(flights)) => {
-                if let Some(folder) = keep {
-                    let words: Vec<String> = trial.name().split_whitespace().map(str::to_lowercase).collect();
-                    world.write(&folder.join(words.join("-")), &flights.iter().collect::<Vec<_>>())?;
+                if let Some(folder) = &arguments.keep {
+                    world.write(&folder.join(trial.folder()), &flights.iter().collect::<Vec<_>>())?;
                 }
-                return judged(&calm, &calm_flights, &flights);
+                let library = arguments.libraries.as_ref().map(|folder| folder.join(trial.folder()));
+                return judged(&calm, &calm_flights, &flights, library.as_deref());
             }
             (Err(why), _) | (_, Err(why)) => last = Some(why),
         }
@@ -232,9 +242,17 @@ fn outcome(trial: &Trial<'_>, keep: Option<&Path>) -> anyhow::Result<Outcome> {
 }
 
 /// Discovers, and holds what is found against the calm flights.
-fn judged(world: &World, calm: &[Flight], flights: &[Flight]) -> anyhow::Result<Outcome> {
+fn judged(
+    world: &World,
+    calm: &[Flight],
+    flights: &[Flight],
+    library: Option<&Path>,
+) -> anyhow::Result<Outcome> {
     let (floor, ..) = identified(world, calm)?;
     let (before, model, mut sets) = identified(world, flights)?;
+    if let Some(folder) = library {
+        write_library(folder, &model, &sets)?;
+    }
     let Discovery { proposals, verdict, known, refused, model, .. } =
         workflow::discover(&model, &[], &mut sets, &Options::default(), &Silent)?;
     let after = squares(&model, &sets);
@@ -244,6 +262,11 @@ fn judged(world: &World, calm: &[Flight], flights: &[Flight]) -> anyhow::Result<
         all += (before[axis] - floor[axis]) / floor[axis];
     }
     let best = proposals.into_iter().next();
+    if let Some(folder) = library {
+        let of = |squares: &PerAxis<f64>| AXES.map(|axis| squares[axis]);
+        let told = json!({ "floor": of(&floor), "before": of(&before), "after": of(&after) });
+        report::write_atomic(folder.join("squares.json"), told.to_string())?;
+    }
     Ok(Outcome { verdict, known, best, refused, taken_percent: 100.0 * fall / all })
 }
 
@@ -259,6 +282,28 @@ fn identified(world: &World, flights: &[Flight]) -> anyhow::Result<(PerAxis<f64>
 fn squares(model: &Model, sets: &FlightSets) -> PerAxis<f64> {
     let total = sysid::compare::compare(model, &sets.validate()).total;
     PerAxis::from_fn(|axis| total[axis].rms * total[axis].rms)
+}
+
+/// Rows of all flights: which is held out, measured quantities as the rows' filter leaves them, and what the model leaves.
+fn write_library(folder: &Path, model: &Model, sets: &FlightSets) -> anyhow::Result<()> {
+    let quantities: Vec<_> = QUANTITIES.iter().collect();
+    let names = quantities.iter().map(|quantity| quantity.name).chain(["time"]);
+    let axes = AXES.map(|axis| format!("left_{}", axis.name()));
+    let mut text = format!("held_out,{},{}\n", names.collect::<Vec<_>>().join(","), axes.join(","));
+    for (held_out, flights) in [("0", sets.train()), ("1", sets.validate())] {
+        for flight in flights {
+            let mut columns: Vec<Vec<f64>> =
+                quantities.iter().map(|quantity| flight.quantity(model, quantity)).collect();
+            columns.push(flight.conditions(&model.vehicle, &model.adjustments()).time_s);
+            columns.extend(sysid::residuals(flight, model).residual);
+            for row in 0..columns[0].len() {
+                let values = columns.iter().map(|column| column[row].to_string());
+                text.push_str(&format!("{held_out},{}\n", values.collect::<Vec<_>>().join(",")));
+            }
+        }
+    }
+    std::fs::create_dir_all(folder)?;
+    Ok(report::write_atomic(folder.join("rows.csv"), text)?)
 }
 
 impl Outcome {

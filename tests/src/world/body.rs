@@ -151,9 +151,7 @@ impl Body {
                 * (1.0 - craft.spin_up_share));
 
         let mut rate = self.rate_rad_s(craft);
-        let mut acceleration = Vector3::zeros();
-        let mut torque_ned = Vector3::zeros();
-        let mut link_acceleration = Vector3::zeros();
+        let [mut acceleration, mut torque_ned, mut link_acceleration] = [Vector3::zeros(); 3];
         let mut felt = self.specific_force_m_s2;
         for _ in 0..ROUNDS {
             let attitude = self.attitude * Rotation3::new(0.5 * h * rate);
@@ -187,13 +185,19 @@ impl Body {
         self.attitude *= Rotation3::new(h * rate);
         self.momentum += h * torque_ned;
         self.rotor_rad_s = end;
-        self.wake_rad_s.iter_mut().zip(end).for_each(|(wake, rotor)| *wake += h / WAKE_S * (rotor - *wake));
-        let sinking = (self.attitude.inverse() * self.velocity_ned_m_s).z;
-        self.sunk_m_s += h / SINKING_S * (sinking - self.sunk_m_s);
+        self.stir();
         let turning = self.link[1] + 0.5 * h * link_acceleration;
         self.link[0] = Rotation3::new(h * turning) * self.link[0];
         self.link[1] += h * link_acceleration;
         self.battery_v = craft.battery.voltage_v(time_s + h, &self.rotor_rad_s);
+    }
+
+    /// The air around the craft follows it.
+    fn stir(&mut self) {
+        let wakes = self.wake_rad_s.iter_mut().zip(self.rotor_rad_s);
+        wakes.for_each(|(wake, rotor)| *wake += STEP_S / WAKE_S * (rotor - *wake));
+        let sinking = (self.attitude.inverse() * self.velocity_ned_m_s).z;
+        self.sunk_m_s += STEP_S / SINKING_S * (sinking - self.sunk_m_s);
     }
 
     /// A mass on a spring under the craft, which accelerates downward by so much.

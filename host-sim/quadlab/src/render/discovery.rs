@@ -34,6 +34,11 @@ pub(crate) fn conclusion(discovery: &Discovery) -> String {
             share(best.share_of_structure_percent),
             p_equation(best.p_value)
         ),
+        (DiscoveryVerdict::Nothing, None) if discovery.search_p_value < 0.01 => {
+            "Nothing is proposed: the residual of the held-out flights is noise, and the best form of the training flights \
+             does not predict it."
+                .to_owned()
+        }
         (DiscoveryVerdict::Nothing, None) => format!(
             "Nothing is proposed: the residual is noise, and the best form is no better than chance ({chance}; the limit is 0.01)."
         ),
