@@ -36,7 +36,7 @@ from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 warnings.filterwarnings("ignore")
 
-THRESHOLDS = np.logspace(-3, 0, 10)
+THRESHOLDS = np.geomspace(0.05, 0.95, 16)
 # Rows every 30 ms hold what the filters leave.
 STRIDE = 3
 PROPOSED = 0.05

@@ -81,7 +81,7 @@ const fn strange(id: &'static str, quantities: &'static [&'static [&'static str]
 const FORMS: &[Form] = &[
     form("ceiling", &[&["height"]]),
     form("wall", &[&["east"]]),
-    form("leak", &[&["time"], &["thrust", "time"], &["thrust", "time", "u", "v", "w"]]),
+    form("leak", &[&["time"], &["thrust", "time"], &["time", "u", "v", "w"]]),
     form("one-sided-drag", &[&["u"]]),
     form("settling", &[&["w"], &["thrust", "w"]]),
     form("stall", &[&["thrust"], &["rotor_speed"], &["rotor_speed", "thrust"]]),
