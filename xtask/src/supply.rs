@@ -25,8 +25,11 @@ pub(crate) struct Options {
     out: PathBuf,
 }
 
-/// Licences, bans and sources: from what is here, without a network.
+/// Licences, bans and sources: from what is here, without a network. Packages of other targets, which nothing has been built for yet, are
+/// fetched where that can be done; what is still missing is told by the check.
 pub(crate) fn check_licences(_: &Workspace) -> Result<Outcome> {
+    let mut fetch = cargo(["fetch", "--locked", "--quiet"]);
+    fetch.output().with_context(|| format!("cannot start `{}`", shown(&fetch)))?;
     let what = ["licenses", "bans", "sources"];
     command_holds(cargo([&["deny", "--offline", "--log-level", "error", "check"], &what[..]].concat()))
 }

@@ -8,7 +8,11 @@ use common::{ORDINARY, fly, truth};
 use diagnosis::workflow::{FlightSets, Reading, Silent, discover, prepare_to_discover};
 use diagnosis::{Discovery, DiscoveryVerdict, Options};
 use flights::Flight;
-use model::{Effect, Model};
+use model::{Effect, Model, Plant, State};
+use nalgebra::Vector3;
+
+/// About the speed at which the rotors of the craft carry it.
+const HOVER_RAD_S: f64 = 630.0;
 
 /// What is discovered of flights of a world about a model that is fitted to them without what is hidden.
 fn discovered(world: &Model) -> Discovery {
@@ -61,6 +65,84 @@ fn a_hidden_jet_of_air_is_found_where_it_blows() {
         best.sentence
     );
     assert!(discovery.model.effects().len() > truth().effects().len());
+}
+
+/// What each rotor does to w, p and q of the true craft, for each square of its speed.
+fn levers() -> [[f64; 3]; 4] {
+    let plant = Plant::new(&truth());
+    let rows = |rotors: [f64; 4]| {
+        let input = plant.input(&State::at_rest(Vector3::zeros(), rotors), &rotors, 11.5);
+        let all = plant.accelerations(&plant.sample_of(&input));
+        [all[2], all[3], all[4]]
+    };
+    let still = rows([0.0; 4]);
+    std::array::from_fn(|k| {
+        let mut rotors = [0.0; 4];
+        rotors[k] = 100.0;
+        let turning = rows(rotors);
+        std::array::from_fn(|row| 1e-4 * (turning[row] - still[row]))
+    })
+}
+
+/// Each rotor loses thrust by its own speed: no change of all of them at once, nor of one, does the same to the moments.
+#[test]
+fn rotors_that_stall_each_by_itself_are_found_by_their_own_speed() {
+    let rows: String = ["w", "p", "q"]
+        .iter()
+        .map(|row| {
+            let term = |k: i32| format!("{row}{k} * omega{k}^2 * max(0, omega{k} - from)");
+            format!("acceleration.{row} = \"-k * ({})\"\n", (1..=4).map(term).collect::<Vec<_>>().join(" + "))
+        })
+        .collect();
+    let constants: String = levers()
+        .iter()
+        .enumerate()
+        .flat_map(|(k, lever)| {
+            [("w", "m"), ("p", "1"), ("q", "1")].into_iter().zip(lever).map(move |((row, unit), value)| {
+                format!("{{ name = \"{row}{}\", unit = \"{unit}\", value = {value:e} }}, ", k + 1)
+            })
+        })
+        .collect();
+    let text = format!(
+        "[[effect]]\nid = \"stall\"\n{rows}coefficient = [{{ name = \"k\", unit = \"s\", possible = [-1.0, 1.0], typical = 0.001 }}]\n\
+         constant = [{constants}{{ name = \"from\", unit = \"rad/s\", value = {HOVER_RAD_S} }}]\n"
+    );
+    let discovery = discovered(&world(&text, &[0.001]));
+    let best = &discovery.proposals[0];
+    let thrust =
+        "w: -lift1 * omega1^2 * k * max(0, omega1 - from) - lift2 * omega2^2 * k * max(0, omega2 - from)";
+    assert!(best.formula.contains(thrust), "{}", best.formula);
+    assert!(best.share_of_structure_percent > 80.0, "{best:?}");
+    assert!(best.sentence.starts_with("A loss of thrust of each rotor, up to "), "{}", best.sentence);
+}
+
+/// Air that takes 0.4 s to follow the craft.
+#[test]
+fn what_depends_on_the_last_second_is_found_with_its_time() {
+    let text = "[[effect]]\nid = \"wake\"\nacceleration.w = \"k * lag(w, memory)\"\ncoefficient = [{ name = \"k\", unit = \"1/s\", \
+                possible = [-9.0, 9.0], typical = 0.5}]\nconstant = [{ name = \"memory\", unit = \"s\", value = 0.4 }]\n";
+    let discovery = discovered(&world(text, &[0.6]));
+    let best = &discovery.proposals[0];
+    assert_eq!(best.formula, "w: k * lag(w, memory) / mass");
+    let memory = &best.definition.constant[0];
+    assert!((0.3..=0.6).contains(&memory.value) && memory.unit == "s", "{memory:?}");
+    assert!(best.sentence.contains(", averaged over the last 0."), "{}", best.sentence);
+    // It joins a model like any other.
+    let with = discovery.model.effects();
+    assert!(with.iter().any(|effect| !effect.lags().is_empty()));
+}
+
+/// A jet across the room at an angle.
+#[test]
+fn a_jet_across_the_room_is_found_along_its_own_line() {
+    let text = "[[effect]]\nid = \"across\"\nacceleration.north = \"k * exp(-((0.8 * north - 0.6 * east - at) / wide)^2 / 2) / mass\"\n\
+                coefficient = [{name = \"k\", unit = \"N\", possible = [-9.0, 9.0], typical = 0.5}]\nconstant = \
+                [{name = \"at\", unit = \"m\", value = 0.1}, {name = \"wide\", unit = \"m\", value = 0.3}]\n";
+    let discovery = discovered(&world(text, &[0.6]));
+    let best = &discovery.proposals[0];
+    assert_eq!(best.quantities, ["east", "north"], "{}", best.formula);
+    assert!(best.share_of_structure_percent > 90.0, "{best:?}");
+    assert!(best.sentence.contains("position along a bearing of "), "{}", best.sentence);
 }
 
 #[test]

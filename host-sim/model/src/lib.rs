@@ -20,7 +20,9 @@ mod effect;
 pub mod effects;
 mod fit_record;
 pub mod frames;
+mod lags;
 mod log_columns;
+mod memory;
 mod model;
 mod model_file;
 mod pendulum;
@@ -43,9 +45,11 @@ pub use fit_record::{
     AxisError, BalanceRecord, BalanceRow, ChangeScatter, FitRecord, FlightRecord, FlightRole, HistoryEntry,
     OpenLoopSums, ReferenceValues, RefinementRecord,
 };
+pub use lags::{Followed, LAG_TIMES_S, Lag, Lags};
 pub use log_columns::{
     BodyFrame, LogColumn, LogColumns, LogFrames, QuaternionTurn, ScaledColumn, WorldFrame,
 };
+pub use memory::{LagId, MAX_LAGS, Memory};
 pub use model::{Correlation, Model, Term};
 pub use model_file::ModelError;
 pub use pendulum::Pendulum;

@@ -102,6 +102,17 @@ pub enum ModelError {
         /// The column.
         column: &'static str,
     },
+    /// An effect that looks back, where there is no past.
+    #[error(
+        "{}: effect \"{effect}\" looks back with lag(...), and a craft at rest has no past; take a model without this effect",
+        path.display()
+    )]
+    LooksBack {
+        /// The file.
+        path: PathBuf,
+        /// The effect.
+        effect: Effect,
+    },
     /// The definition of a user's effect in the model cannot be right.
     #[error(transparent)]
     UserEffect(#[from] UserEffectError),
@@ -173,7 +184,11 @@ impl Model {
 
     /// Reads a model file to linearise it: an equilibrium has no further columns, nor a time.
     pub fn read_to_linearize(path: &Path) -> Result<Self, ModelError> {
-        Self::read_without_columns(path, &[])
+        let model = Self::read_without_columns(path, &[])?;
+        match model.effects().into_iter().find(|effect| !effect.lags().is_empty()) {
+            Some(effect) => Err(ModelError::LooksBack { path: path.to_owned(), effect }),
+            None => Ok(model),
+        }
     }
 
     fn read_without_columns(path: &Path, but: &[&str]) -> Result<Self, ModelError> {

@@ -2,6 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::memory::{LagId, Memory};
 use crate::pendulum::Pendulum;
 use crate::vehicle::Vehicle;
 
@@ -74,13 +75,22 @@ pub struct Surroundings {
     pub battery_v: f64,
     /// Further columns of the flight.
     pub further: Further,
+    /// What is looked back at in a stage of a step; of the plant's own making.
+    pub(crate) memory: Option<Memory>,
+}
+
+impl Surroundings {
+    /// A battery and further columns of the flight.
+    pub const fn new(battery_v: f64, further: Further) -> Self {
+        Self { battery_v, further, memory: None }
+    }
 }
 
 /// A battery, and no further column.
 impl From<f64> for Surroundings {
     #[inline(always)]
     fn from(battery_v: f64) -> Self {
-        Self { battery_v, further: NO_FURTHER }
+        Self::new(battery_v, NO_FURTHER)
     }
 }
 
@@ -105,8 +115,18 @@ pub struct SampleInput {
     pub battery_v: f64,
     /// Where a slung load hangs; still where there is none.
     pub pendulum: Pendulum,
+    /// What formulas look back at, where any does.
+    pub memory: Option<Memory>,
     /// Further columns of the flight that formulas name.
     pub further: Further,
+}
+
+impl SampleInput {
+    /// The value of a lag; NaN where it is not remembered.
+    #[inline]
+    pub fn remembered(&self, lag: LagId) -> f64 {
+        self.memory.as_ref().map_or(f64::NAN, |memory| memory.of(lag))
+    }
 }
 
 /// Everything an effect can look at.

@@ -321,3 +321,96 @@ proptest! {
         }
     }
 }
+
+const WAKE: &str = r#"
+[[effect]]
+id = "wake"
+acceleration.w = "k * lag(w, memory) + k * lag(lag(w, memory), slower)"
+coefficient = [{ name = "k", unit = "1/s", possible = [-3.0, 3.0], typical = 0.1 }]
+constant = [
+  { name = "memory", unit = "s", value = 0.4 },
+  { name = "slower", unit = "s", value = 0.7 },
+  { name = "length", unit = "m", value = 0.4 },
+  { name = "long", unit = "s", value = 99.0 },
+]
+"#;
+
+#[test]
+fn a_look_back_names_a_quantity_and_a_constant_time() {
+    assert_eq!(effect(WAKE).info().kind, Kind::Linear);
+    for (to, expected) in [
+        ("lag(w, 0.4)", "\"0.4\" is no constant of the effect; the time of a lag is one"),
+        ("lag(w, k)", "\"k\" is no constant of the effect"),
+        ("lag(w, length)", "\"length\" is the time of a lag: 0.01 to 60 s"),
+        ("lag(w, long)", "\"long\" is the time of a lag: 0.01 to 60 s"),
+        ("lag(k, memory)", "\"k\" does not change: lag(...) takes a measured quantity first"),
+        ("lag(w + u, memory)", "lag(...) takes the name of a quantity and that of a constant"),
+        ("lag(w)", "lag(...) takes a quantity and a constant, such as lag(w, memory)"),
+        ("lag(lag(lag(w, memory), memory), memory)", "lags are nested deeper than 2"),
+        ("lag(wind, memory)", "unknown name \"wind\""),
+        ("lag(w, memory", "a bracket is not closed"),
+        ("lag + w", "lag is a function; write lag(...)"),
+        ("lag(height, memory)", "adds m/s and m/s^2, which must have the same unit"),
+    ] {
+        let why = refused(&WAKE.replacen("lag(w, memory)", to, 1));
+        assert!(why.contains(expected), "{to}: {why}");
+    }
+}
+
+/// Held at a speed through the air, the first lag comes to it as 1 - exp(-t / a), and the second behind it as
+/// 1 - (a exp(-t / a) - b exp(-t / b)) / (a - b). In still air a craft that falls freely gains g t, and its first lag is g a
+/// (t / a - 1 + exp(-t / a)).
+#[test]
+fn a_falling_craft_remembers_how_it_sank() {
+    let wake = effect(WAKE);
+    let mut model = Model::new(Model::thesis().vehicle);
+    let k = 0.25;
+    model.set(wake, &[k]);
+    let (plant, gravity) = (Plant::new(&model), model.vehicle.gravity);
+    let still = |state: &State| {
+        let sample = plant.input(state, &[0.0; 4], 11.1);
+        plant.accelerations(&plant.sample_of(&sample))[2]
+    };
+    let substeps = plant.substeps(0.01, 2);
+    let mut state = State::at_rest(Vector3::zeros(), [0.0; 4]);
+    // w' = g + k m + k n, m' = (w - m) / a, n' = (m - n) / b, by steps of 20 us.
+    let (mut w, mut m, mut n, step_s) = (0.0, 0.0, 0.0, 2e-5);
+    for tick in 1..=100 {
+        plant.step(&mut state, &[0.0; 4], 11.1, &substeps);
+        for _ in 0..500 {
+            let (slope, first, second) = (gravity + k * (m + n), (w - m) / 0.4, (m - n) / 0.7);
+            w += step_s * slope;
+            m += step_s * first;
+            n += step_s * second;
+        }
+        assert!((state.velocity_m_s.z - w).abs() < 1e-3 * w, "{tick}: {} {w}", state.velocity_m_s.z);
+        assert!((still(&state) - k * (m + n)).abs() < 1e-3 * (1.0 + k * (m + n)), "{tick}");
+    }
+    assert!(w > 1.05 * gravity, "what is remembered pushes: {w}");
+}
+
+/// What has not been flown yet has been so for ever.
+#[test]
+fn a_flight_that_begins_in_motion_remembers_that_motion() {
+    let wake = effect(WAKE);
+    let mut model = Model::new(Model::thesis().vehicle);
+    model.set(wake, &[0.3]);
+    let plant = Plant::new(&model);
+    let mut state = State::at_rest(Vector3::zeros(), [0.0; 4]);
+    state.velocity_m_s.z = 2.0;
+    plant.step(&mut state, &[0.0; 4], 11.1, &plant.substeps(1e-4, 1));
+    let rows = plant.accelerations(&plant.sample_of(&plant.input(&state, &[0.0; 4], 11.1)));
+    assert!((rows[2] - 0.3 * 4.0).abs() < 1e-2, "{rows:?}");
+}
+
+#[test]
+fn a_model_that_looks_back_is_flown_and_not_linearised() {
+    let wake = effect(WAKE);
+    let mut model = Model::thesis();
+    model.set(wake, &[0.1]);
+    let path = std::env::temp_dir().join(format!("wake-{}.toml", std::process::id()));
+    std::fs::write(&path, model.to_toml()).unwrap();
+    assert!(Model::read_to_simulate(&path).is_ok());
+    let why = Model::read_to_linearize(&path).unwrap_err().to_string();
+    assert!(why.contains("effect \"wake\" looks back with lag(...)"), "{why}");
+}

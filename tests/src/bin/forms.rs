@@ -98,8 +98,8 @@ const FORMS: &[Form] = &[
     strange("wake-memory", &[&["w"], &["thrust", "w"]]),
     strange("hum", &[&["time"]]),
     strange("turning-wind", &[&["time"]]),
-    strange("sluggish", &[]),
-    strange("inflow", &[]),
+    strange("sluggish", &[&["rotor_speed"], &["rotor_acceleration"], &["rotor_acceleration", "rotor_speed"]]),
+    strange("inflow", &[&["rotor_speed"]]),
     strange("bungee", &[]),
 ];
 

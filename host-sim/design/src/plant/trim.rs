@@ -118,6 +118,7 @@ impl Dynamics {
             rotor_acceleration_rad_s2: *rotor_acceleration,
             battery_v: self.battery_v,
             pendulum: Pendulum::default(),
+            memory: None,
             further: model::NO_FURTHER,
         }))
     }

@@ -1,6 +1,7 @@
 //! From what a model leaves to the few forms that are worth fitting exactly.
 
 use model::Model;
+use rayon::prelude::*;
 use sysid::prepare::Prepared;
 
 use crate::discovery::channels::Channel;
@@ -8,10 +9,13 @@ use crate::discovery::form::Form;
 use crate::discovery::phases::{chance_of, of_random_phases};
 use crate::discovery::problem::Problem;
 use crate::discovery::refine::{Refined, refine};
-use crate::discovery::search::{Against, Scored, cost, over_variable};
+use crate::discovery::search::{Against, Found, Scored, cost, over_variable};
+use crate::discovery::shapes::Family;
 use crate::discovery::variables::Variable;
 use crate::observer::{Observer, Progress};
 
+/// Chance of a search's result in residuals of random phases below which it counts.
+const SIGNIFICANT: f64 = 0.01;
 /// Residuals of random phases.
 const RANDOM_PHASES: usize = 30;
 /// Seed of their phases.
@@ -24,14 +28,29 @@ const KNOTS_OF_TIME: usize = 33;
 const BASES: usize = 6;
 /// Forms of one shape, and of two, that are fitted exactly.
 const REFINED: usize = 8;
+/// Variables between two words of progress.
+const SIDE_BY_SIDE: usize = 8;
+/// Forms that are tried over relatives of their variables.
+const TUNED: usize = 3;
+/// Nearest relatives of a variable that a form is tried over, ...
+const NEAREST: usize = 2;
+/// ... so many times from where it got.
+const STEPS_AMONG_RELATIVES: usize = 4;
 
 /// What a search of all forms finds.
 #[derive(Debug)]
 pub(crate) struct Candidates {
-    /// Forms fitted exactly, best first by flights left out.
+    /// Forms fitted exactly, best first by flights left out; none where chance finds as much.
     pub(crate) refined: Vec<Refined>,
     /// Chance that a search of residuals of random phases finds one of such worth.
     pub(crate) p_value: f64,
+}
+
+impl Candidates {
+    /// Whether the search found more than chance does; nothing is fitted where it did not.
+    pub(crate) fn count(&self) -> bool {
+        self.p_value < SIGNIFICANT
+    }
 }
 
 /// Searches all forms on training flights.
@@ -46,45 +65,98 @@ pub(crate) fn candidates(
     let against = Against::new(&problem, &others);
     let bases: Vec<Form> =
         Channel::all(model).into_iter().map(|channel| Form { channel, factors: Vec::new() }).collect();
+    let search = Search { problem: &problem, variables, observer };
+    let every: Vec<usize> = (0..variables.len()).filter(|index| variables[*index].is_searched()).collect();
+    // A second shape of what is remembered would look back at more than there is room for.
+    let present: Vec<usize> =
+        every.iter().copied().filter(|index| variables[*index].lag_s().is_none()).collect();
+    let steps = every.len() + present.len();
     let mut found: Vec<Scored> = Vec::new();
     let mut by_chance = vec![f64::NEG_INFINITY; RANDOM_PHASES];
-    let steps = 2 * variables.len();
-    for variable in 0..variables.len() {
-        observer.progress(Progress { activity: "trying forms", steps: Some((variable, steps)) });
-        let one =
-            over_variable(&problem, &against, (&bases, variables, variable), knots_of(&variables[variable]));
+    for one in search.over(&every, (&against, &bases), knots_of, [0, steps]) {
         found.extend(one.best);
         by_chance.iter_mut().zip(one.by_chance).for_each(|(most, one)| *most = most.max(one));
     }
     sort(&mut found, problem.rows);
     let p_value = found.first().map_or(1.0, |best| chance_of(best.worth(problem.rows), &by_chance));
+    if p_value >= SIGNIFICANT {
+        return Candidates { refined: Vec::new(), p_value };
+    }
     let mut forms: Vec<Form> = distinct(&found, REFINED).into_iter().map(|scored| scored.form).collect();
     let bases: Vec<Form> = distinct(&found, BASES).into_iter().map(|scored| scored.form).collect();
     forms.extend(wider(&forms));
     let only = Against::new(&problem, &[]);
     let mut products: Vec<Scored> = Vec::new();
-    for variable in 0..variables.len() {
-        observer.progress(Progress {
-            activity: "trying forms",
-            steps: Some((variables.len() + variable, steps)),
-        });
-        let one = over_variable(&problem, &only, (&bases, variables, variable), KNOTS);
-        products.extend(
-            one.best.into_iter().filter(|scored| scored.form.variables().len() == scored.form.factors.len()),
-        );
+    for one in search.over(&present, (&only, &bases), |_| KNOTS, [every.len(), steps]) {
+        let is_product = |scored: &Scored| scored.form.variables().len() == scored.form.factors.len();
+        products.extend(one.best.into_iter().filter(is_product));
     }
     sort(&mut products, problem.rows);
     forms.extend(distinct(&products, REFINED).into_iter().map(|scored| scored.form));
     let mut refined: Vec<Refined> =
-        forms.iter().filter_map(|form| refine(&problem, form, variables)).collect();
-    let worth = |one: &Refined| one.gain_left_out - cost(one.form.count(), problem.rows);
-    refined.sort_by(|one, other| worth(other).total_cmp(&worth(one)));
+        forms.par_iter().filter_map(|form| refine(&problem, form, variables)).collect();
+    let worth = |one: &Refined| one.gain_left_out - cost(one.form.count(variables), problem.rows);
+    let best_first = |one: &Refined, other: &Refined| worth(other).total_cmp(&worth(one));
+    refined.sort_by(best_first);
+    refined.par_iter_mut().take(TUNED).for_each(|one| tune(&problem, one, variables));
+    refined.sort_by(best_first);
     Candidates { refined, p_value }
 }
 
-/// The best form with a way to act that has a wider one, with that.
+/// Where forms are tried.
+struct Search<'a> {
+    problem: &'a Problem<'a>,
+    variables: &'a [Variable],
+    observer: &'a dyn Observer,
+}
+
+impl Search<'_> {
+    /// What bases find over some variables, side by side, in the order of these; this is the `first`th step of so many.
+    fn over(
+        &self,
+        indices: &[usize],
+        (against, bases): (&Against, &[Form]),
+        knots: impl Fn(&Variable) -> usize + Sync,
+        [first, steps]: [usize; 2],
+    ) -> Vec<Found> {
+        let mut all = Vec::with_capacity(indices.len());
+        for some in indices.chunks(SIDE_BY_SIDE) {
+            let progress = Progress { activity: "trying forms", steps: Some((first + all.len(), steps)) };
+            self.observer.progress(progress);
+            let over = |index: &usize| {
+                let what = (bases, self.variables, *index);
+                over_variable(self.problem, against, what, knots(&self.variables[*index]))
+            };
+            all.par_extend(some.par_iter().map(over));
+        }
+        all
+    }
+}
+
+/// Goes over to relatives of the variables of a form as long as it is worth more with them.
+fn tune(problem: &Problem<'_>, best: &mut Refined, variables: &[Variable]) {
+    for index in 0..best.form.factors.len() {
+        for _ in 0..STEPS_AMONG_RELATIVES {
+            let relatives = variables[best.form.factors[index].variable].relatives(variables);
+            let nearest = relatives.into_iter().take(NEAREST).filter_map(|variable| {
+                let mut form = best.form.clone();
+                form.factors[index].variable = variable;
+                refine(problem, &form, variables)
+            });
+            match nearest.max_by(|one, other| one.gain_left_out.total_cmp(&other.gain_left_out)) {
+                Some(better) if better.gain_left_out > best.gain_left_out => *best = better,
+                _ => break,
+            }
+        }
+    }
+}
+
+/// The best form with a way to act that has a wider one, with that. Waves along two directions seldom have their crests together: two
+/// terms have crests of their own.
 fn wider(forms: &[Form]) -> Option<Form> {
-    forms.iter().find_map(|form| Some(Form { channel: form.channel.wider()?, ..form.clone() }))
+    let is_wave = |form: &Form| form.factors.iter().any(|factor| factor.shape.family == Family::Wave);
+    let mut others = forms.iter().filter(|form| !is_wave(form));
+    others.find_map(|form| Some(Form { channel: form.channel.wider()?, ..form.clone() }))
 }
 
 fn knots_of(variable: &Variable) -> usize {

@@ -1,6 +1,6 @@
 //! Ways in which a scalar can act on a craft: along an axis, along the thrust, against the air, on one rotor.
 
-use model::{Axis, Model, Plant, Sample, Sink, State};
+use model::{Axis, Effect, Model, Plant, Sample, Sink, State};
 use nalgebra::Vector3;
 
 /// A way in which a scalar acts on the six rows.
@@ -18,6 +18,8 @@ pub(crate) enum Channel {
     Rotor(usize, RotorLever),
     /// The same with its moments and its force apart: the model's other rotors may stand in for a part of either.
     RotorApart(usize, RotorLever),
+    /// A part of the thrust of every rotor, by what each has of its own: their forces and their moments.
+    EachRotor([RotorLever; 4]),
     /// Drag against all of the motion through the air.
     Drag,
     /// Drag against the forward and sideward motion through the air.
@@ -39,6 +41,8 @@ pub(crate) struct RowText {
     pub(crate) after: &'static str,
     /// Which amplitude.
     pub(crate) amplitude: usize,
+    /// Which rotor's own, where each has its own.
+    pub(crate) rotor: Option<usize>,
 }
 
 const EARTH: [&str; 3] = ["north", "east", "down"];
@@ -53,9 +57,21 @@ impl Channel {
         all.extend([Self::Earth(0), Self::Earth(1), Self::Earth(2), Self::Thrust]);
         all.extend([Self::Drag, Self::HorizontalDrag]);
         if has_rotation && model.vehicle.has_rotor_map() {
-            all.extend(levers(model).into_iter().enumerate().map(|(k, lever)| Self::Rotor(k, lever)));
+            let levers = levers(model);
+            all.extend(levers.into_iter().enumerate().map(|(k, lever)| Self::Rotor(k, lever)));
+            all.push(Self::EachRotor(levers));
         }
         all
+    }
+
+    /// The same with the levers of a model's rotors; nothing where it has none.
+    pub(crate) fn with_levers_of(self, model: &Model) -> Option<Self> {
+        match self {
+            Self::Rotor(k, _) => Some(Self::Rotor(k, levers(model)[k])),
+            Self::RotorApart(k, _) => Some(Self::RotorApart(k, levers(model)[k])),
+            Self::EachRotor(_) => Some(Self::EachRotor(levers(model))),
+            _ => None,
+        }
     }
 
     /// A way to act with this one as a part of it.
@@ -67,6 +83,11 @@ impl Channel {
         }
     }
 
+    /// Whether each rotor acts by its own.
+    pub(crate) const fn is_each_rotor(self) -> bool {
+        matches!(self, Self::EachRotor(_))
+    }
+
     /// Independent amplitudes.
     pub(crate) const fn amplitudes(self) -> usize {
         match self {
@@ -75,10 +96,11 @@ impl Channel {
         }
     }
 
-    /// Adds what each amplitude multiplies when the scalar is `value`; parameters count from `first` in steps of one for each
-    /// amplitude.
+    /// Adds what each amplitude multiplies when the scalar is `values`, one for each rotor, which differ where each acts by its own;
+    /// parameters count from `first` in steps of one for each amplitude.
     #[inline]
-    pub(crate) fn add(self, sample: &Sample, value: f64, first: usize, sink: &mut impl Sink) {
+    pub(crate) fn add(self, sample: &Sample, values: [f64; 4], first: usize, sink: &mut impl Sink) {
+        let value = values[0];
         let mut forces = |parameter: usize, force: Vector3<f64>| {
             for (axis, along) in [Axis::U, Axis::V, Axis::W].into_iter().zip(force.iter()) {
                 sink.add(axis, parameter, *along);
@@ -105,6 +127,15 @@ impl Channel {
                 sink.add(Axis::P, first, lever.roll * square);
                 sink.add(Axis::Q, first, lever.pitch * square);
             }
+            Self::EachRotor(levers) => {
+                let squares = sample.rotor_thrust_rad2_s2;
+                let sum = |of: fn(&RotorLever) -> f64| -> f64 {
+                    (0..4).map(|k| of(&levers[k]) * squares[k] * values[k]).sum()
+                };
+                sink.add(Axis::W, first, -sum(|lever| lever.lift));
+                sink.add(Axis::P, first, sum(|lever| lever.roll));
+                sink.add(Axis::Q, first, sum(|lever| lever.pitch));
+            }
         }
     }
 
@@ -119,7 +150,7 @@ impl Channel {
             Self::Body(Axis::Q) => &[Axis::Q],
             Self::Body(Axis::R) => &[Axis::R],
             Self::HorizontalDrag => &[Axis::U, Axis::V],
-            Self::Rotor(..) | Self::RotorApart(..) => &[Axis::W, Axis::P, Axis::Q],
+            Self::Rotor(..) | Self::RotorApart(..) | Self::EachRotor(_) => &[Axis::W, Axis::P, Axis::Q],
             Self::Earth(_) | Self::Horizontal | Self::Drag => &FORCES,
         }
     }
@@ -131,6 +162,7 @@ impl Channel {
             before: before.into(),
             after,
             amplitude: 0,
+            rotor: None,
         };
         let per_mass = " / mass";
         match self {
@@ -144,10 +176,12 @@ impl Channel {
             Self::Drag => ["u", "v", "w"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
             Self::HorizontalDrag => ["u", "v"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
             Self::Rotor(k, _) | Self::RotorApart(k, _) => {
-                let with =
-                    |axis, lever: &str| row(axis, &format!("{lever}{} * {}^2 * ", k + 1, OMEGA[k]), "");
-                let force = RowText { amplitude: self.amplitudes() - 1, ..with("w", "-lift") };
-                vec![force, with("p", "roll"), with("q", "pitch")]
+                let [mut force, roll, pitch] = rows_of_rotor(k);
+                force.amplitude = self.amplitudes() - 1;
+                vec![force, roll, pitch]
+            }
+            Self::EachRotor(_) => {
+                (0..4).flat_map(|k| rows_of_rotor(k).map(|row| RowText { rotor: Some(k), ..row })).collect()
             }
         }
     }
@@ -155,11 +189,10 @@ impl Channel {
     /// Constants in its formulas: name, unit and value.
     pub(crate) fn constants(self) -> Vec<(String, &'static str, f64)> {
         match self {
-            Self::Rotor(k, lever) | Self::RotorApart(k, lever) => vec![
-                (format!("lift{}", k + 1), "m", lever.lift),
-                (format!("roll{}", k + 1), "1", lever.roll),
-                (format!("pitch{}", k + 1), "1", lever.pitch),
-            ],
+            Self::Rotor(k, lever) | Self::RotorApart(k, lever) => constants_of_rotor(k, &lever).into(),
+            Self::EachRotor(levers) => {
+                levers.iter().enumerate().flat_map(|(k, lever)| constants_of_rotor(k, lever)).collect()
+            }
             _ => Vec::new(),
         }
     }
@@ -178,7 +211,7 @@ impl Channel {
         match self {
             Self::Body(Axis::P | Axis::Q | Axis::R) => "rad/s^2",
             Self::Body(_) | Self::Earth(_) | Self::Horizontal => "N",
-            Self::Thrust | Self::Rotor(..) | Self::RotorApart(..) => "1",
+            Self::Thrust | Self::Rotor(..) | Self::RotorApart(..) | Self::EachRotor(_) => "1",
             Self::Drag | Self::HorizontalDrag => "N s/m",
         }
     }
@@ -209,26 +242,46 @@ impl Channel {
             Self::Rotor(k, _) | Self::RotorApart(k, _) => {
                 format!("A change of the thrust of motor {}", k + 1)
             }
+            Self::EachRotor(_) => "A change of the thrust of each rotor".into(),
             Self::Drag => "A change of the drag".into(),
             Self::HorizontalDrag => "A change of the horizontal drag".into(),
         }
     }
 }
 
-/// What the model says that each rotor does for each square of its speed, by the accelerations at rest with one that turns.
+/// Force, roll and pitch of a rotor as formulas.
+fn rows_of_rotor(k: usize) -> [RowText; 3] {
+    [("w", "-lift"), ("p", "roll"), ("q", "pitch")].map(|(row, lever)| {
+        let before = format!("{lever}{} * {}^2 * ", k + 1, OMEGA[k]);
+        RowText { row, before, after: "", amplitude: 0, rotor: None }
+    })
+}
+
+fn constants_of_rotor(k: usize, lever: &RotorLever) -> [(String, &'static str, f64); 3] {
+    [("lift", "m", lever.lift), ("roll", "1", lever.roll), ("pitch", "1", lever.pitch)]
+        .map(|(name, unit, value)| (format!("{name}{}", k + 1), unit, value))
+}
+
+/// What the catalogue's effects in a model say that each rotor does for each square of its speed, by the accelerations at rest with
+/// one that turns about as fast as in hover.
 fn levers(model: &Model) -> [RotorLever; 4] {
-    const SPEED_RAD_S: f64 = 100.0;
-    let plant = Plant::new(model);
+    const FIRST_RAD_S: f64 = 100.0;
+    let mut own = model.clone();
+    own.terms.retain(|term| !matches!(term.effect, Effect::User(_)));
+    let plant = Plant::new(&own);
     let by = |rotors: [f64; 4]| {
         let state = State::at_rest(Vector3::zeros(), rotors);
         plant.accelerations(&plant.sample_of(&plant.input(&state, &rotors, model.reference.battery_v)))
     };
     let still = by([0.0; 4]);
+    let lift = still[Axis::W.index()] - by([FIRST_RAD_S; 4])[Axis::W.index()];
+    let hover_rad_s = FIRST_RAD_S * (model.vehicle.gravity / lift).sqrt();
+    let speed_rad_s = if hover_rad_s.is_finite() && hover_rad_s > 0.0 { hover_rad_s } else { FIRST_RAD_S };
     std::array::from_fn(|k| {
         let mut rotors = [0.0; 4];
-        rotors[k] = SPEED_RAD_S;
+        rotors[k] = speed_rad_s;
         let turning = by(rotors);
-        let of = |axis: Axis| (turning[axis.index()] - still[axis.index()]) / (SPEED_RAD_S * SPEED_RAD_S);
+        let of = |axis: Axis| (turning[axis.index()] - still[axis.index()]) / (speed_rad_s * speed_rad_s);
         RotorLever { lift: -of(Axis::W), roll: of(Axis::P), pitch: of(Axis::Q) }
     })
 }

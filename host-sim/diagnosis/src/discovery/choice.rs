@@ -12,20 +12,21 @@ const FEW_VARIANCES: f64 = 6.0;
 const RIVAL: f64 = 0.85;
 
 /// How complicated a form is: numbers to fit, and quantities beyond the first.
-fn complexity(form: &Form) -> usize {
-    form.count() + form.factors.len() - 1
+fn complexity(form: &Form, variables: &[Variable]) -> usize {
+    form.count(variables) + form.factors.len() - 1
 }
 
 /// The forms in the order in which they are to be proposed: first those that are worth about as much as the best on flights left out,
 /// the simplest of them first, then the others. Those that are worth nothing there are left out.
-pub(crate) fn ranked(refined: &[Refined]) -> Vec<&Refined> {
+pub(crate) fn ranked<'a>(refined: &'a [Refined], variables: &[Variable]) -> Vec<&'a Refined> {
     let mut helping: Vec<&Refined> =
         refined.iter().filter(|one| one.gain_left_out > 0.0 && one.improved > 0).collect();
     let best = helping.iter().map(|one| one.gain_left_out).fold(f64::NEG_INFINITY, f64::max);
     let enough = (ABOUT_AS_MUCH * best).min(best - FEW_VARIANCES);
     helping.sort_by(|one, other| {
-        let rank =
-            |one: &Refined| if one.gain_left_out >= enough { complexity(&one.form) } else { usize::MAX };
+        let rank = |one: &Refined| {
+            if one.gain_left_out >= enough { complexity(&one.form, variables) } else { usize::MAX }
+        };
         rank(one).cmp(&rank(other)).then(other.gain_left_out.total_cmp(&one.gain_left_out))
     });
     helping
@@ -53,7 +54,7 @@ pub(crate) fn rivals<'a>(
 
 /// The quantities that a form depends on, those of its way to act among them, sorted.
 pub(crate) fn quantities(form: &Form, variables: &[Variable]) -> Vec<&'static str> {
-    let of_shapes = form.variables().into_iter().map(|index| variables[index].quantity());
+    let of_shapes = form.variables().into_iter().flat_map(|index| variables[index].quantities());
     let mut all: Vec<&'static str> = form.channel.quantities().iter().copied().chain(of_shapes).collect();
     all.sort_unstable();
     all.dedup();
@@ -67,7 +68,7 @@ mod tests {
     use super::*;
     use crate::discovery::channels::Channel;
     use crate::discovery::form::Factor;
-    use crate::discovery::shapes::{Family, Shape};
+    use crate::discovery::shapes::{Family, Shape, Span};
 
     fn refined(families: &[(usize, Family)], gain_left_out: f64) -> Refined {
         let factor = |(variable, family): &(usize, Family)| Factor {
@@ -89,13 +90,16 @@ mod tests {
         let straight = refined(&[(0, Family::Proportional)], 990.0);
         let worse = refined(&[(1, Family::Proportional)], 900.0);
         let all = [bump.clone(), product, straight.clone(), worse.clone()];
-        assert_eq!(ranked(&all)[0].form, straight.form);
-        assert_eq!(ranked(&[bump.clone(), worse])[0].form, bump.form);
+        let span = Span { low: 0.0, high: 1.0 };
+        let variables = ["north", "east"].map(|name| Variable::made_up(name, "m", span));
+        assert_eq!(ranked(&all, &variables)[0].form, straight.form);
+        assert_eq!(ranked(&[bump.clone(), worse], &variables)[0].form, bump.form);
     }
 
     #[test]
     fn what_helps_no_other_flight_is_not_chosen() {
-        assert!(ranked(&[refined(&[(0, Family::Bump)], -3.0)]).is_empty());
-        assert!(ranked(&[]).is_empty());
+        let north = [Variable::made_up("north", "m", Span { low: 0.0, high: 1.0 })];
+        assert!(ranked(&[refined(&[(0, Family::Bump)], -3.0)], &north).is_empty());
+        assert!(ranked(&[], &north).is_empty());
     }
 }

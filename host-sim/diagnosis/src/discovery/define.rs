@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use model::user_effects::{CoefficientDefinition, ColumnDefinition, ConstantDefinition, Definition};
 
-use crate::discovery::form::Form;
+use crate::discovery::form::{Factor, Form};
 use crate::discovery::refine::Refined;
 use crate::discovery::shapes::Role;
 use crate::discovery::variables::Variable;
@@ -39,31 +39,26 @@ pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &
             });
             values.push(*value);
         }
-        let mut shapes = String::new();
+        let mut named: Vec<Named> = Vec::new();
         for (index, factor) in form.factors.iter().enumerate() {
             let variable = &variables[factor.variable];
             let mut parameters: Vec<String> =
                 factor.shape.family.parameters().iter().map(|(name, _)| names.new_one(name)).collect();
             for (k, name) in parameters.iter().enumerate() {
-                let value = form.value((index, k));
                 coefficient.push(CoefficientDefinition {
                     name: name.clone(),
                     unit: variable.unit.clone(),
                     possible: form.possible(variables, (index, k)),
                     typical: typical(form, variables, (index, k)),
                 });
-                values.push(value);
+                values.push(form.value((index, k)));
             }
-            if let Some(held) = factor.shape.family.held() {
-                let name = names.new_one(held);
-                let value = factor.shape.parameters[parameters.len()];
-                constant.push(ConstantDefinition { name: name.clone(), unit: variable.unit.clone(), value });
-                parameters.push(name);
-            }
-            shapes.push_str(" * ");
-            shapes.push_str(&factor.shape.formula(variable.formula, &parameters));
+            let (held, lag) = constants_of(factor, variable, &mut names, &mut constant);
+            parameters.extend(held);
+            named.push((parameters, lag));
         }
         for row in form.channel.rows() {
+            let shapes = shapes_text(form, variables, &named, row.rotor);
             let text = format!("{}{}{shapes}{}", row.before, amplitudes[row.amplitude], row.after);
             rows.entry(row.row.to_owned()).and_modify(|sum| sum.push_str(&joined(&text))).or_insert(text);
         }
@@ -79,6 +74,36 @@ pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &
         column: columns(terms, variables),
     };
     Defined { definition, values }
+}
+
+/// Adds the constants of a factor: names of the parameter that is held, and of the time of its lag.
+fn constants_of(
+    factor: &Factor,
+    variable: &Variable,
+    names: &mut Names,
+    constant: &mut Vec<ConstantDefinition>,
+) -> (Option<String>, Option<String>) {
+    let mut put = |name: &str, unit: &str, value: f64| {
+        let name = names.new_one(name);
+        constant.push(ConstantDefinition { name: name.clone(), unit: unit.to_owned(), value });
+        name
+    };
+    let family = factor.shape.family;
+    let value = || factor.shape.parameters[family.parameters().len()];
+    let held = family.held().map(|held| put(held, &variable.unit, value()));
+    (held, variable.lag_s().map(|time_s| put("memory", "s", time_s)))
+}
+
+/// Names of the parameters of a shape, and of the time of its variable's lag.
+type Named = (Vec<String>, Option<String>);
+
+/// The shapes of a form as factors, with the names of their parameters.
+fn shapes_text(form: &Form, variables: &[Variable], named: &[Named], rotor: Option<usize>) -> String {
+    let shape = |(factor, (names, lag)): (&Factor, &Named)| {
+        let variable = variables[factor.variable].formula(rotor, lag.as_deref());
+        format!(" * {}", factor.shape.formula(&variable, names))
+    };
+    form.factors.iter().zip(named).map(shape).collect()
 }
 
 /// A further term of a row.

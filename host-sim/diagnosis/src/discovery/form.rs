@@ -1,6 +1,6 @@
 //! A form: a way to act, times one or two shapes of measured quantities.
 
-use model::{Sample, Sink};
+use model::{LagId, Sample, Sink};
 use sysid::fit::terms::Terms;
 
 use crate::discovery::channels::Channel;
@@ -23,10 +23,28 @@ pub(crate) struct Form {
 }
 
 impl Form {
-    /// The scalar at a sample.
+    /// The scalar at a sample, for each rotor.
     #[inline]
-    pub(crate) fn at(&self, variables: &[Variable], sample: &Sample) -> f64 {
-        self.factors.iter().map(|f| f.shape.at(variables[f.variable].at(sample))).product()
+    pub(crate) fn at(&self, variables: &[Variable], sample: &Sample) -> [f64; 4] {
+        let of = |rotor: usize| -> f64 {
+            self.factors.iter().map(|f| f.shape.at(variables[f.variable].of_rotor(sample, rotor))).product()
+        };
+        if self.channel.is_each_rotor() { std::array::from_fn(of) } else { [of(0); 4] }
+    }
+
+    /// What it looks back at.
+    pub(crate) fn lags<'a>(&'a self, variables: &'a [Variable]) -> impl Iterator<Item = LagId> + 'a {
+        self.factors.iter().flat_map(|factor| variables[factor.variable].lags())
+    }
+
+    /// Whether a further shape of a variable means something: what each rotor has of its own acts on each rotor, and the other way
+    /// round.
+    pub(crate) fn takes(&self, variable: &Variable) -> bool {
+        let is_begun = !self.factors.is_empty();
+        match (self.channel.is_each_rotor(), variable.is_own()) {
+            (true, false) => is_begun,
+            (each, own) => each == own,
+        }
     }
 
     /// Parameters of its shapes: which factor, and which of its parameters.
@@ -35,9 +53,14 @@ impl Form {
         self.factors.iter().enumerate().flat_map(of).collect()
     }
 
-    /// How many numbers have to be fitted.
-    pub(crate) fn count(&self) -> usize {
+    /// How many coefficients it has.
+    pub(crate) fn coefficients(&self) -> usize {
         self.channel.amplitudes() + self.parameters().len()
+    }
+
+    /// How many numbers are chosen for it.
+    pub(crate) fn count(&self, variables: &[Variable]) -> usize {
+        self.coefficients() + self.factors.iter().map(|f| variables[f.variable].count()).sum::<usize>()
     }
 
     pub(crate) fn value(&self, (factor, k): (usize, usize)) -> f64 {
@@ -111,13 +134,18 @@ impl Terms for FormTerms<'_> {
         self.forms.len() * self.forms[0].0.channel.amplitudes()
     }
 
+    fn lags(&self) -> Vec<LagId> {
+        self.forms[0].0.lags(self.variables).collect()
+    }
+
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
         let (form, _) = &self.forms[0];
         let here = form.at(self.variables, sample);
         let amplitudes = form.channel.amplitudes();
         form.channel.add(sample, here, 0, sink);
         for (index, (ahead, step)) in self.forms.iter().enumerate().skip(1) {
-            let slope = (ahead.at(self.variables, sample) - here) / step;
+            let ahead = ahead.at(self.variables, sample);
+            let slope = std::array::from_fn(|rotor| (ahead[rotor] - here[rotor]) / step);
             form.channel.add(sample, slope, index * amplitudes, sink);
         }
     }
@@ -145,18 +173,30 @@ impl Terms for Hats<'_> {
         self.first(self.bases.len())
     }
 
+    fn lags(&self) -> Vec<LagId> {
+        let of_bases = self.bases.iter().flat_map(|form| form.lags(self.variables));
+        self.variables[self.variable].lags().chain(of_bases).collect()
+    }
+
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        let variable = &self.variables[self.variable];
         let (low, high) = (self.knots[0], self.knots[self.knots.len() - 1]);
         let step = (high - low) / (self.knots.len() - 1) as f64;
-        let place = ((self.variables[self.variable].at(sample) - low) / step)
-            .clamp(0.0, (self.knots.len() - 1) as f64);
+        let last = (self.knots.len() - 1) as f64;
+        let rotors = if variable.is_own() { 4 } else { 1 };
+        let mut places = [0.0; 4];
+        for (rotor, place) in places.iter_mut().enumerate().take(rotors) {
+            *place = ((variable.of_rotor(sample, rotor) - low) / step).clamp(0.0, last);
+        }
+        let of_first = places[0];
+        places[rotors..].fill(of_first);
         let mut first = 0;
         for base in self.bases {
             let scale = base.at(self.variables, sample);
             let amplitudes = base.channel.amplitudes();
             for k in 0..self.knots.len() {
-                let hat = (1.0 - (place - k as f64).abs()).max(0.0);
-                base.channel.add(sample, scale * hat, first, sink);
+                let hat = |rotor: usize| scale[rotor] * (1.0 - (places[rotor] - k as f64).abs()).max(0.0);
+                base.channel.add(sample, std::array::from_fn(hat), first, sink);
                 first += amplitudes;
             }
         }

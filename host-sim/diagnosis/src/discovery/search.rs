@@ -17,6 +17,8 @@ const LEAST_LEFT: f64 = 1e-3;
 #[derive(Debug, Clone)]
 pub(crate) struct Scored {
     pub(crate) form: Form,
+    /// Numbers that are chosen for it.
+    pub(crate) count: usize,
     /// Fall of the residual's squares, in variances of the noise.
     pub(crate) gain: f64,
 }
@@ -24,7 +26,7 @@ pub(crate) struct Scored {
 impl Scored {
     /// The gain less what as many numbers cost by chance.
     pub(crate) fn worth(&self, rows: usize) -> f64 {
-        self.gain - cost(self.form.count(), rows)
+        self.gain - cost(self.count, rows)
     }
 }
 
@@ -91,13 +93,17 @@ pub(crate) fn over_variable(
     (bases, variables, variable): (&[Form], &[Variable], usize),
     knot_count: usize,
 ) -> Found {
+    let mut by_chance = vec![f64::NEG_INFINITY; against.residuals() - 1];
+    let bases: Vec<Form> = bases.iter().filter(|base| base.takes(&variables[variable])).cloned().collect();
+    if bases.is_empty() {
+        return Found { best: Vec::new(), by_chance };
+    }
     let span = variables[variable].span;
     let knots = knots(&span, knot_count);
-    let hats = Hats { bases, variables, variable, knots: &knots };
+    let hats = Hats { bases: &bases, variables, variable, knots: &knots };
     let columns = problem.columns(&hats);
     let shapes = span.shapes();
     let mut best = Vec::new();
-    let mut by_chance = vec![f64::NEG_INFINITY; against.residuals() - 1];
     for (index, base) in bases.iter().enumerate() {
         let first = hats.first(index);
         let width = knots.len() * base.channel.amplitudes();
@@ -108,11 +114,12 @@ pub(crate) fn over_variable(
             let Some(gains) = products.gains(&knots, shape) else { continue };
             let mut form = base.clone();
             form.factors.push(Factor { variable, shape: *shape });
-            let numbers = cost(form.count(), problem.rows);
+            let count = form.count(variables);
+            let numbers = cost(count, problem.rows);
             for (most, gain) in by_chance.iter_mut().zip(gains.iter().skip(1)) {
                 *most = most.max(gain - numbers);
             }
-            scored.push(Scored { form, gain: gains[0] });
+            scored.push(Scored { form, count, gain: gains[0] });
         }
         best.extend(best_of_each_family(scored, problem.rows));
     }

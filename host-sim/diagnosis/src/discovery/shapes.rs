@@ -35,10 +35,12 @@ pub(crate) enum Family {
     InverseSquare,
     /// exp(-((x - a) / b)^2 / 2).
     Bump,
+    /// cos(2 pi (x - a) / b).
+    Wave,
 }
 
 /// The families that are tried, simple ones first. A step may become an edge ([`Span::sharpened`]).
-pub(crate) const FAMILIES: [Family; 14] = [
+pub(crate) const FAMILIES: [Family; 15] = [
     Family::Proportional,
     Family::Straight,
     Family::Square,
@@ -53,6 +55,7 @@ pub(crate) const FAMILIES: [Family; 14] = [
     Family::InverseSquare,
     Family::Step,
     Family::Bump,
+    Family::Wave,
 ];
 
 /// What a parameter of a shape is.
@@ -77,6 +80,7 @@ impl Family {
             Self::Decay | Self::Growth => &[("decay", Role::Length)],
             Self::InverseSquare => &[("beyond", Role::Length)],
             Self::Bump => &[("center", Role::Place), ("width", Role::Length)],
+            Self::Wave => &[("crest", Role::Place), ("period", Role::Length)],
         }
     }
 
@@ -95,7 +99,13 @@ impl Family {
             Self::Square | Self::SignedSquare => 2,
             Self::Cube => 3,
             Self::InverseSquare => -2,
-            Self::Step | Self::Edge | Self::Saturation | Self::Decay | Self::Growth | Self::Bump => 0,
+            Self::Step
+            | Self::Edge
+            | Self::Saturation
+            | Self::Decay
+            | Self::Growth
+            | Self::Bump
+            | Self::Wave => 0,
         }
     }
 
@@ -117,6 +127,7 @@ impl Family {
             Self::Growth => (x / a).exp(),
             Self::InverseSquare => (x + a).powi(-2),
             Self::Bump => (-0.5 * ((x - a) / b).powi(2)).exp(),
+            Self::Wave => (std::f64::consts::TAU * (x - a) / b).cos(),
         }
     }
 
@@ -139,6 +150,7 @@ impl Family {
             Self::Growth => format!("exp({x} / {a})"),
             Self::InverseSquare => format!("({x} + {a})^(-2)"),
             Self::Bump => format!("exp(-(({x} - {a}) / {b})^2 / 2)"),
+            Self::Wave => format!("cos(2 * pi * ({x} - {a}) / {b})"),
         }
     }
 }
@@ -183,6 +195,11 @@ pub(crate) struct Span {
 impl Span {
     pub(crate) fn length(&self) -> f64 {
         self.high - self.low
+    }
+
+    /// Whether the quantity moves at all.
+    pub(crate) fn is_wide(&self) -> bool {
+        self.length() > 1e-6 * (self.low.abs() + self.high.abs()) && self.length() > 1e-9
     }
 
     /// Whether the quantity goes to both sides of zero, so that shapes about zero mean something.
@@ -234,6 +251,12 @@ impl Span {
                 Family::Bump => {
                     for width in lengths(&[0.03, 0.06, 0.12, 0.24]) {
                         self.places(19).for_each(|center| put(center, width));
+                    }
+                }
+                Family::Wave => {
+                    // Half a period on is the same with the other sign.
+                    for period in lengths(&[0.35, 0.5, 0.7, 1.0, 1.4]) {
+                        (0..6).for_each(|k| put(self.low + period * f64::from(k) / 12.0, period));
                     }
                 }
             }

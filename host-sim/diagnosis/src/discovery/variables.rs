@@ -1,6 +1,8 @@
 //! Measured quantities that an unknown effect may depend on.
 
-use model::{Quantity, Sample, Vehicle, user_effects};
+use std::borrow::Cow;
+
+use model::{Followed, Lag, LagId, Quantity, Sample, user_effects};
 use sysid::prepare::Prepared;
 
 use crate::discovery::shapes::Span;
@@ -17,6 +19,16 @@ enum Source {
     From(&'static Quantity, usize),
     /// Horizontal distance from a place in two further columns.
     Distance([usize; 2]),
+    /// Place along a horizontal direction, by its angle from north to east, degrees.
+    Along(u8),
+    /// The own speed of each rotor.
+    OwnSpeed,
+    /// The own acceleration of each rotor.
+    OwnAcceleration,
+    /// A quantity behind a lag of one of [`LAGS_S`].
+    Lagged(&'static Quantity, usize),
+    /// By how much each rotor is faster than its own speed behind such a lag.
+    OwnAhead(usize),
 }
 
 /// A measured quantity that an effect may depend on.
@@ -24,12 +36,14 @@ enum Source {
 pub(crate) struct Variable {
     /// For people and JSON.
     pub(crate) name: &'static str,
-    /// How formulas spell it.
-    pub(crate) formula: &'static str,
+    /// How formulas spell it, but for what each rotor has and what is remembered.
+    formula: Cow<'static, str>,
     pub(crate) unit: String,
     /// Further column that a definition has to declare.
     pub(crate) declared: bool,
     source: Source,
+    /// What it looks back at; of each rotor, where each has its own.
+    lags: [Option<LagId>; 4],
     /// Where it goes in the flights.
     pub(crate) span: Span,
 }
@@ -70,98 +84,305 @@ const BESIDE_ANOTHER: [(&str, &str, &str, &str); 3] = [
     ("place below the other craft", "(down - other_down)", "down", "other_down"),
 ];
 
+/// Quantities that forms may look back at.
+const REMEMBERED: [&str; 7] = ["u", "v", "w", "p", "q", "r", "thrust"];
+/// Times of lags, s.
+const LAGS_S: [f64; 10] = [0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2];
+/// That over which every form is tried.
+const SEARCHED_LAG: usize = 6;
+/// That over which every form of each rotor's own speed is tried.
+const SEARCHED_OWN_LAG: usize = 3;
+
+/// Directions in the room that every form is tried over, degrees from north to east. North and east are variables of their own.
+const OBLIQUE_DEG: [u8; 4] = [30, 60, 120, 150];
+/// Step between directions that the best forms over one of them are tried over besides, degrees.
+const FINER_DEG: usize = 5;
+
 impl Variable {
-    /// Its value at a sample.
+    /// Its value at a sample for a rotor.
     #[inline]
-    pub(crate) fn at(&self, sample: &Sample) -> f64 {
+    pub(crate) fn of_rotor(&self, sample: &Sample, rotor: usize) -> f64 {
+        let place = &sample.input.position_ned_m;
         match self.source {
             Source::Quantity(quantity) => quantity.at(sample),
             Source::Further(place) => sample.input.further[place],
             Source::Sine(quantity) => quantity.at(sample).sin(),
             Source::Cosine(quantity) => quantity.at(sample).cos(),
-            Source::From(quantity, place) => quantity.at(sample) - sample.input.further[place],
+            Source::From(quantity, column) => quantity.at(sample) - sample.input.further[column],
             Source::Distance([north, east]) => {
-                let from = |axis: usize, place: usize| {
-                    sample.input.position_ned_m[axis] - sample.input.further[place]
-                };
+                let from = |axis: usize, column: usize| place[axis] - sample.input.further[column];
                 from(0, north).hypot(from(1, east))
             }
+            Source::Along(degrees) => {
+                let [north, east] = direction(degrees);
+                north * place.x + east * place.y
+            }
+            Source::OwnSpeed => sample.input.rotor_rad_s[rotor],
+            Source::OwnAcceleration => sample.input.rotor_acceleration_rad_s2[rotor],
+            Source::Lagged(..) => self.lags[0].map_or(f64::NAN, |lag| sample.input.remembered(lag)),
+            Source::OwnAhead(_) => {
+                let behind = self.lags[rotor].map_or(f64::NAN, |lag| sample.input.remembered(lag));
+                sample.input.rotor_rad_s[rotor] - behind
+            }
+        }
+    }
+
+    /// What it looks back at.
+    pub(crate) fn lags(&self) -> impl Iterator<Item = LagId> {
+        self.lags.iter().flatten().copied()
+    }
+
+    /// Time of its lag, s.
+    pub(crate) const fn lag_s(&self) -> Option<f64> {
+        match self.source {
+            Source::Lagged(_, place) | Source::OwnAhead(place) => Some(LAGS_S[place]),
+            _ => None,
+        }
+    }
+
+    /// Whether each rotor has its own.
+    pub(crate) const fn is_own(&self) -> bool {
+        matches!(self.source, Source::OwnSpeed | Source::OwnAcceleration | Source::OwnAhead(_))
+    }
+
+    /// How formulas spell it; each rotor's own for one of them, and a lag with the name of its time.
+    pub(crate) fn formula(&self, rotor: Option<usize>, lag: Option<&str>) -> Cow<'_, str> {
+        let lag = lag.unwrap_or_default();
+        match (self.source, rotor) {
+            (Source::Lagged(quantity, _), _) => format!("lag({}, {lag})", quantity.name).into(),
+            (Source::OwnAhead(_), Some(k)) => {
+                let omega = format!("omega{}", k + 1);
+                format!("({omega} - lag({omega}, {lag}))").into()
+            }
+            (Source::OwnSpeed, Some(k)) => format!("omega{}", k + 1).into(),
+            (Source::OwnAcceleration, Some(k)) => format!("domega{}", k + 1).into(),
+            _ => Cow::Borrowed(&self.formula),
         }
     }
 
     /// One for tests of words.
     #[cfg(test)]
     pub(crate) fn made_up(name: &'static str, unit: &str, span: Span) -> Self {
-        Self { name, formula: name, unit: unit.into(), declared: false, source: Source::Further(0), span }
+        let source = Source::Further(0);
+        Self { name, formula: name.into(), unit: unit.into(), declared: false, source, lags: [None; 4], span }
     }
 
-    /// The measured quantity behind it.
-    pub(crate) fn quantity(&self) -> &'static str {
+    /// The measured quantities behind it.
+    pub(crate) fn quantities(&self) -> Vec<&'static str> {
         match self.source {
-            Source::Sine(quantity) | Source::Cosine(quantity) => quantity.name,
-            _ => self.name,
+            Source::Sine(quantity) | Source::Cosine(quantity) => vec![quantity.name],
+            Source::Along(_) => vec!["east", "north"],
+            Source::Lagged(quantity, _) => vec![quantity.name],
+            _ => vec![self.name],
         }
+    }
+
+    /// For people.
+    pub(crate) fn called(&self) -> Cow<'static, str> {
+        match self.source {
+            Source::Along(degrees) => format!("position along a bearing of {degrees} degrees").into(),
+            Source::OwnSpeed => "rotor's own speed".into(),
+            Source::OwnAcceleration => "rotor's own acceleration".into(),
+            Source::Lagged(quantity, place) => {
+                format!("{}, averaged over the last {} s", meaning(quantity.name), LAGS_S[place]).into()
+            }
+            Source::OwnAhead(place) => {
+                format!("rotor's own speed less its average over the last {} s", LAGS_S[place]).into()
+            }
+            _ => meaning(self.name).into(),
+        }
+    }
+
+    /// Whether every form is tried over it; the best are tried over the others besides ([`Self::relatives`]).
+    pub(crate) fn is_searched(&self) -> bool {
+        match self.source {
+            Source::Along(degrees) => OBLIQUE_DEG.contains(&degrees),
+            Source::Lagged(_, place) => place == SEARCHED_LAG,
+            Source::OwnAhead(place) => place == SEARCHED_OWN_LAG,
+            _ => true,
+        }
+    }
+
+    /// Numbers in its formula that are chosen with the form.
+    pub(crate) fn count(&self) -> usize {
+        usize::from(matches!(self.source, Source::Along(_) | Source::Lagged(..) | Source::OwnAhead(_)))
+    }
+
+    /// Variables that differ from it in such a number alone, nearest first.
+    pub(crate) fn relatives(&self, all: &[Self]) -> Vec<usize> {
+        let apart = |other: &Self| match (self.source, other.source) {
+            (Source::Along(own), Source::Along(degrees)) if own != degrees => {
+                let turn = own.abs_diff(degrees);
+                Some(usize::from(turn.min(180 - turn)))
+            }
+            (Source::Lagged(quantity, own), Source::Lagged(theirs, place))
+                if own != place && quantity.name == theirs.name =>
+            {
+                Some(own.abs_diff(place))
+            }
+            (Source::OwnAhead(own), Source::OwnAhead(place)) if own != place => Some(own.abs_diff(place)),
+            _ => None,
+        };
+        let mut found: Vec<(usize, usize)> =
+            all.iter().enumerate().filter_map(|(index, other)| Some((apart(other)?, index))).collect();
+        found.sort_unstable();
+        found.into_iter().map(|(_, index)| index).collect()
     }
 
     /// All that flights of a vehicle have, where they move.
     pub(crate) fn all(flights: &[&Prepared], model: &model::Model) -> Vec<Self> {
-        let vehicle: &Vehicle = &model.vehicle;
-        let rotors = vehicle.rotor_quantity(flights.iter().all(|flight| flight.has_rotor_speeds()));
+        let rotors = model.vehicle.rotor_quantity(flights.iter().all(|flight| flight.has_rotor_speeds()));
         let mut all: Vec<Self> = Vec::new();
-        let mut put = |name, formula, source, unit: String, declared| {
-            all.push(Self { name, formula, unit, declared, source, span: Span { low: 0.0, high: 0.0 } });
+        let mut put = |name, formula: Cow<'static, str>, source, unit: &str| {
+            let (unit, span) = (unit.to_owned(), Span { low: 0.0, high: 0.0 });
+            all.push(Self { name, formula, unit, declared: false, source, lags: [None; 4], span });
         };
-        let named = |name: &str| Quantity::named(name);
         for name in PLAIN.into_iter().chain(["vbat"]) {
-            let Some(quantity) = named(name) else { continue };
-            put(name, name, Source::Quantity(quantity), quantity.unit_for(rotors).to_owned(), false);
+            let Some(quantity) = Quantity::named(name) else { continue };
+            put(name, name.into(), Source::Quantity(quantity), quantity.unit_for(rotors));
         }
         for (name, formula) in SPELT {
-            let Some(quantity) = named(name) else { continue };
-            put(name, formula, Source::Quantity(quantity), quantity.unit_for(rotors).to_owned(), false);
+            let Some(quantity) = Quantity::named(name) else { continue };
+            put(name, formula.into(), Source::Quantity(quantity), quantity.unit_for(rotors));
         }
-        if let Some(psi) = named("psi") {
-            put("sine of the heading", "sin(psi)", Source::Sine(psi), "1".into(), false);
-            put("cosine of the heading", "cos(psi)", Source::Cosine(psi), "1".into(), false);
+        if let Some(psi) = Quantity::named("psi") {
+            put("sine of the heading", "sin(psi)".into(), Source::Sine(psi), "1");
+            put("cosine of the heading", "cos(psi)".into(), Source::Cosine(psi), "1");
         }
-        let columns = user_effects::columns();
-        for (place, name) in columns.iter().enumerate() {
-            let usual = user_effects::usual_unit(name);
-            put(name, name, Source::Further(place), usual.unwrap_or("1").to_owned(), usual.is_none());
+        for degrees in (FINER_DEG..180).step_by(FINER_DEG).filter(|degrees| *degrees != 90) {
+            let degrees = degrees as u8;
+            let [north, east] = direction(degrees);
+            let joint = if north < 0.0 { "-" } else { "+" };
+            let formula = format!("({east} * east {joint} {} * north)", north.abs());
+            put("place", formula.into(), Source::Along(degrees), "m");
         }
-        let place_of = |name: &str| columns.iter().position(|own| *own == name);
-        for (name, formula, quantity, column) in BESIDE_ANOTHER {
-            if let (Some(quantity), Some(place)) = (named(quantity), place_of(column)) {
-                put(name, formula, Source::From(quantity, place), "m".into(), false);
-            }
+        let own = [("rotor_speed", Source::OwnSpeed), ("rotor_acceleration", Source::OwnAcceleration)];
+        for (name, source) in own {
+            let Some(quantity) = Quantity::named(name) else { continue };
+            put(name, name.into(), source, quantity.unit_for(rotors));
         }
-        if let (Some(north), Some(east)) = (place_of("other_north"), place_of("other_east")) {
-            let formula = "sqrt((north - other_north)^2 + (east - other_east)^2)";
-            put("distance to the other craft", formula, Source::Distance([north, east]), "m".into(), false);
-        }
-        all.retain_mut(|variable| variable.find_span(flights, model));
+        all.extend(of_columns());
+        find_spans(&mut all, flights, model);
+        all.retain(|variable| variable.span.is_wide());
+        all.extend(remembered(&all));
         all
     }
 
-    /// Whether it moves in the flights, and where to: the middle 99 of 100 values.
-    fn find_span(&mut self, flights: &[&Prepared], model: &model::Model) -> bool {
-        let plant = model::Plant::new(model);
-        let mut values = Vec::new();
-        for flight in flights {
-            for stretch in &flight.stretches {
-                let states = flight.states(stretch, &model.vehicle, plant.adjustments());
-                for k in (0..states.len()).step_by(5) {
-                    let input = states.at(k);
-                    values.push(self.at(&plant.sample_of(&input)));
+    /// One over further columns of the flights.
+    fn of_column(name: &'static str, formula: &'static str, source: Source, unit: &str) -> Self {
+        let span = Span { low: 0.0, high: 0.0 };
+        let (formula, unit) = (formula.into(), unit.to_owned());
+        Self { name, formula, unit, declared: false, source, lags: [None; 4], span }
+    }
+}
+
+/// A quantity as people call it.
+fn meaning(name: &'static str) -> &'static str {
+    match name {
+        "u" => "forward airspeed u",
+        "v" => "sideward airspeed v",
+        "w" => "airspeed w along the rotors' axis (positive down)",
+        "speed" => "airspeed",
+        "horizontal_speed" => "horizontal airspeed",
+        "north_speed" => "speed north",
+        "east_speed" => "speed east",
+        "down_speed" => "sink rate",
+        "north" => "north position",
+        "east" => "east position",
+        "p" => "roll rate",
+        "q" => "pitch rate",
+        "r" => "yaw rate",
+        "phi" => "roll angle",
+        "theta" => "pitch angle",
+        "psi" => "heading",
+        "omega1" => "speed of rotor 1",
+        "omega2" => "speed of rotor 2",
+        "omega3" => "speed of rotor 3",
+        "omega4" => "speed of rotor 4",
+        "rotor_speed" => "mean rotor speed",
+        "vbat" => "battery voltage",
+        other => other,
+    }
+}
+
+/// North and east parts of a direction, as formulas have them.
+fn direction(degrees: u8) -> [f64; 2] {
+    let (east, north) = f64::from(degrees).to_radians().sin_cos();
+    [north, east].map(|part| (1e4 * part).round() * 1e-4)
+}
+
+/// Further columns of the flights, and what they say of another craft.
+fn of_columns() -> Vec<Variable> {
+    let columns = user_effects::columns();
+    let mut all = Vec::new();
+    for (place, name) in columns.iter().copied().enumerate() {
+        let usual = user_effects::usual_unit(name);
+        let variable = Variable::of_column(name, name, Source::Further(place), usual.unwrap_or("1"));
+        all.push(Variable { declared: usual.is_none(), ..variable });
+    }
+    let place_of = |name: &str| columns.iter().position(|own| *own == name);
+    for (name, formula, quantity, column) in BESIDE_ANOTHER {
+        if let (Some(quantity), Some(place)) = (Quantity::named(quantity), place_of(column)) {
+            all.push(Variable::of_column(name, formula, Source::From(quantity, place), "m"));
+        }
+    }
+    if let (Some(north), Some(east)) = (place_of("other_north"), place_of("other_east")) {
+        let formula = "sqrt((north - other_north)^2 + (east - other_east)^2)";
+        let source = Source::Distance([north, east]);
+        all.push(Variable::of_column("distance to the other craft", formula, source, "m"));
+    }
+    all
+}
+
+/// What forms may look back at. A lag goes no further than what it follows.
+fn remembered(all: &[Variable]) -> Vec<Variable> {
+    let lag = |quantity, place: usize| Lag { of: Followed::Quantity(quantity), time_s: LAGS_S[place] }.id();
+    let mut found = Vec::new();
+    for place in 0..LAGS_S.len() {
+        for variable in all {
+            match variable.source {
+                Source::Quantity(quantity) if REMEMBERED.contains(&quantity.name) => {
+                    let lags = [lag(quantity, place), None, None, None];
+                    let source = Source::Lagged(quantity, place);
+                    found.push(Variable { source, lags, ..variable.clone() });
+                }
+                Source::OwnSpeed => {
+                    let omegas = ["omega1", "omega2", "omega3", "omega4"].map(Quantity::named);
+                    let lags = omegas.map(|omega| omega.and_then(|omega| lag(omega, place)));
+                    let reach = 0.5 * variable.span.length();
+                    let span = Span { low: -reach, high: reach };
+                    found.push(Variable { source: Source::OwnAhead(place), lags, span, ..variable.clone() });
+                }
+                _ => (),
+            }
+        }
+    }
+    found
+}
+
+/// Where variables go in flights: the middle 99 of 100 values. What is not known everywhere has no width.
+fn find_spans(variables: &mut [Variable], flights: &[&Prepared], model: &model::Model) {
+    let plant = model::Plant::new(model);
+    let mut values: Vec<Vec<f64>> = vec![Vec::new(); variables.len()];
+    for flight in flights {
+        for stretch in &flight.stretches {
+            let states = flight.states(stretch, &model.vehicle, plant.adjustments());
+            for k in (0..states.len()).step_by(5) {
+                let input = states.at(k);
+                let sample = plant.sample_of(&input);
+                for (values, variable) in values.iter_mut().zip(&*variables) {
+                    let rotors = if variable.is_own() { 4 } else { 1 };
+                    values.extend((0..rotors).map(|rotor| variable.of_rotor(&sample, rotor)));
                 }
             }
         }
+    }
+    for (mut values, variable) in values.into_iter().zip(variables) {
         if values.is_empty() || !values.iter().all(|value| value.is_finite()) {
-            return false;
+            continue;
         }
         values.sort_by(f64::total_cmp);
         let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
-        self.span = Span { low: at(0.005), high: at(0.995) };
-        self.span.length() > 1e-6 * (self.span.low.abs() + self.span.high.abs()) && self.span.length() > 1e-9
+        variable.span = Span { low: at(0.005), high: at(0.995) };
     }
 }

@@ -16,35 +16,6 @@ fn number(value: f64) -> String {
     significant(value, DIGITS)
 }
 
-/// A quantity as people call it.
-pub(crate) fn called(variable: &Variable) -> &str {
-    match variable.name {
-        "u" => "forward airspeed u",
-        "v" => "sideward airspeed v",
-        "w" => "airspeed w along the rotors' axis (positive down)",
-        "speed" => "airspeed",
-        "horizontal_speed" => "horizontal airspeed",
-        "north_speed" => "speed north",
-        "east_speed" => "speed east",
-        "down_speed" => "sink rate",
-        "north" => "north position",
-        "east" => "east position",
-        "p" => "roll rate",
-        "q" => "pitch rate",
-        "r" => "yaw rate",
-        "phi" => "roll angle",
-        "theta" => "pitch angle",
-        "psi" => "heading",
-        "omega1" => "speed of rotor 1",
-        "omega2" => "speed of rotor 2",
-        "omega3" => "speed of rotor 3",
-        "omega4" => "speed of rotor 4",
-        "rotor_speed" => "mean rotor speed",
-        "vbat" => "battery voltage",
-        other => other,
-    }
-}
-
 /// What a form does, in a sentence.
 pub(crate) fn sentence(term: &Refined, variables: &[Variable], thrust_coefficient: f64) -> String {
     let form = &term.form;
@@ -54,7 +25,7 @@ pub(crate) fn sentence(term: &Refined, variables: &[Variable], thrust_coefficien
     let one = most.first().copied().unwrap_or(0.0);
     let size = match form.channel {
         Channel::Thrust => format!("{} % of the thrust", number((100.0 * one / thrust_coefficient).abs())),
-        Channel::Rotor(..) => format!("{} % of it", number((100.0 * one).abs())),
+        Channel::Rotor(..) | Channel::EachRotor(_) => format!("{} % of it", number((100.0 * one).abs())),
         Channel::RotorApart(..) => {
             let [moments, force] = [0, 1].map(|k| number(100.0 * most.get(k).map_or(0.0, |part| part.abs())));
             format!("{force} % of its force and {moments} % of its moments as the model has them")
@@ -107,6 +78,7 @@ fn directed(channel: Channel, amount: f64) -> String {
             &format!("Extra thrust of motor {}", k + 1),
             &format!("A loss of thrust of motor {}", k + 1),
         ),
+        Channel::EachRotor(_) => either("Extra thrust of each rotor", "A loss of thrust of each rotor"),
         Channel::Drag => either("Extra drag", "Less drag"),
         Channel::HorizontalDrag => either("Extra horizontal drag", "Less horizontal drag"),
         Channel::Body(Axis::P) => either("A roll acceleration", "A negative roll acceleration"),
@@ -120,7 +92,7 @@ fn directed(channel: Channel, amount: f64) -> String {
 fn shape_words(form: &Form, index: usize, variables: &[Variable]) -> String {
     let factor = &form.factors[index];
     let variable = &variables[factor.variable];
-    let (name, unit) = (called(variable), if variable.unit == "1" { "" } else { &variable.unit });
+    let (name, unit) = (variable.called(), if variable.unit == "1" { "" } else { &variable.unit });
     let value = |k: usize| {
         let value = number(form.value((index, k)));
         if unit.is_empty() { value } else { format!("{value} {unit}") }
@@ -140,6 +112,7 @@ fn shape_words(form: &Form, index: usize, variables: &[Variable]) -> String {
         Family::Decay => format!("decaying with the {name} (by a factor of e per {})", value(0)),
         Family::Growth => format!("growing with the {name} (by a factor of e per {})", value(0)),
         Family::InverseSquare => format!("inversely proportional to ({name} + {})^2", value(0)),
+        Family::Wave => format!("as a wave over the {name} (period {}, crest at {})", value(1), value(0)),
         Family::Bump => format!("around {name} = {} (standard deviation {})", value(0), value(1)),
     }
 }
@@ -151,7 +124,7 @@ pub(crate) fn formula(rows: &std::collections::BTreeMap<String, String>) -> Stri
 
 /// A form in short, to tell rivals apart.
 pub(crate) fn short(form: &Form, variables: &[Variable]) -> String {
-    let names: Vec<&str> = form.variables().iter().map(|index| called(&variables[*index])).collect();
+    let names: Vec<_> = form.variables().iter().map(|index| variables[*index].called()).collect();
     format!("{} that depends on the {}", form.channel.meaning(), names.join(" and the "))
 }
 
@@ -177,6 +150,9 @@ pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'
     let grows =
         matches!(family, Family::Growth | Family::HingeAbove | Family::Proportional | Family::Straight);
     let told = match (form.channel, upward) {
+        (Channel::Rotor(..) | Channel::RotorApart(..) | Channel::EachRotor(_), _) => {
+            return physics_of_rotors(form.channel, &names);
+        }
         _ if names.iter().any(|name| name.starts_with("other_") || name.ends_with("the other craft")) => {
             "the downwash of another craft"
         }
@@ -195,9 +171,6 @@ pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'
         (_, Some(_)) if on(&["north", "east"]) => {
             "the edge of a table, or vertical air in a part of the room"
         }
-        (Channel::Rotor(..) | Channel::RotorApart(..), _) if on(&["time"]) => {
-            "a motor or a propeller that fails"
-        }
         (Channel::Body(Axis::R), _) if on(&["v"]) => "a craft that turns into the wind like a weathercock",
         (Channel::Body(Axis::R), _) if on(&["psi", "sine of the heading", "cosine of the heading"]) => {
             "a cable that twists"
@@ -214,11 +187,28 @@ pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'
     Some(told)
 }
 
+/// Known physics of single rotors.
+fn physics_of_rotors(channel: Channel, names: &[&str]) -> Option<&'static str> {
+    let on = |name: &str| names.contains(&name);
+    match channel {
+        Channel::EachRotor(_) if on("rotor_acceleration") => {
+            Some("air that takes time to follow the rotors (Carpenter and Fridovich, NACA TN 3044, 1953)")
+        }
+        Channel::EachRotor(_) if on("rotor_speed") => Some(
+            "blades that stall, air that takes time to follow the rotors, or thrust that does not follow the square of the speed",
+        ),
+        Channel::Rotor(..) | Channel::RotorApart(..) if on("time") => {
+            Some("a motor or a propeller that fails")
+        }
+        _ => None,
+    }
+}
+
 /// What to fly so that quantities that go together in these flights part.
 pub(crate) fn to_fly(form: &Form, rivals: &[Form], variables: &[Variable]) -> String {
     let own = form.variables();
     let names = |of: &[usize]| {
-        of.iter().map(|index| called(&variables[*index])).collect::<Vec<_>>().join(" and the ")
+        of.iter().map(|index| variables[*index].called()).collect::<Vec<_>>().join(" and the ")
     };
     let mut others: Vec<usize> =
         rivals.iter().flat_map(Form::variables).filter(|index| !own.contains(index)).collect();
@@ -236,7 +226,7 @@ pub(crate) fn to_fly(form: &Form, rivals: &[Form], variables: &[Variable]) -> St
     let flown: Vec<String> = own
         .iter()
         .map(|index| &variables[*index])
-        .map(|v| format!("{} {} to {} {}", called(v), number(v.span.low), number(v.span.high), v.unit))
+        .map(|v| format!("{} {} to {} {}", v.called(), number(v.span.low), number(v.span.high), v.unit))
         .collect();
     format!("fly another pattern over a wider range (flown: {})", flown.join(", "))
 }

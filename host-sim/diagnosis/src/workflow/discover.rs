@@ -30,12 +30,12 @@ use crate::workflow::explain::{Explanation, add_what_is_found};
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Options};
 
-/// Chance of a search's result in residuals of random phases below which it counts.
-const SIGNIFICANT: f64 = 0.01;
 /// Terms of a formula at most.
 const MOST_TERMS: usize = 3;
 /// Forms that are looked at until one can be fitted with the model's own coefficients and holds on the flights held out.
 const FITTED: usize = 8;
+/// Fits of a term with the levers of the model that came of the one before.
+const LEVER_STEPS: usize = 2;
 /// Rivals that are fitted and judged beside the first proposal.
 const RIVALS_JUDGED: usize = 2;
 /// Where drafts of effects come from, for messages.
@@ -95,7 +95,7 @@ fn discover_beyond(
             return Err(WorkflowError::Cancelled);
         }
         let found = further.as_ref().unwrap_or(&found);
-        if found.p_value >= SIGNIFICANT {
+        if !found.count() {
             break;
         }
         match hunt.next_term(&rest.fit.model, found, &terms) {
@@ -148,11 +148,11 @@ impl Hunt<'_> {
     fn next_term(&self, about: &Model, found: &Candidates, terms: &[Refined]) -> Next {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
         let id = format!("discovered-term-{}", terms.len() + 1);
-        let room = MAX_COEFFICIENTS.saturating_sub(terms.iter().map(|term| term.form.count()).sum());
+        let room = MAX_COEFFICIENTS.saturating_sub(terms.iter().map(|term| term.form.coefficients()).sum());
         let mut refused: Option<String> = None;
         let mut asked: Vec<Axis> = Vec::new();
-        let has_room = |chosen: &&Refined| chosen.form.count() <= room;
-        for chosen in ranked(&found.refined).into_iter().filter(has_room).take(FITTED) {
+        let has_room = |chosen: &&Refined| chosen.form.coefficients() <= room;
+        for chosen in ranked(&found.refined, self.variables).into_iter().filter(has_room).take(FITTED) {
             // The flights held out are asked once of each axis.
             if chosen.form.channel.axes().iter().any(|axis| asked.contains(axis)) {
                 continue;
@@ -160,7 +160,7 @@ impl Hunt<'_> {
             let defined = define(&id, "A term.".into(), std::slice::from_ref(chosen), self.variables);
             let why = match self.judge(about, &defined) {
                 Ok(addition) if addition.finding.supported => {
-                    return Next::Term(Box::new((chosen.clone(), addition.fit)));
+                    return Next::Term(Box::new(self.settled(about, &id, chosen, addition.fit)));
                 }
                 Ok(addition) => {
                     asked.extend(chosen.form.channel.axes());
@@ -174,6 +174,23 @@ impl Hunt<'_> {
         Next::Refused(
             refused.unwrap_or_else(|| "no form predicts a training flight that it was not fitted to".into()),
         )
+    }
+
+    /// A term that holds, and the fit with it. What a rotor does was known from a model without the term: where that counts, it is
+    /// fitted again with what the model with the term says.
+    fn settled(&self, about: &Model, id: &str, term: &Refined, fit: Fit) -> (Refined, Fit) {
+        let mut better = (term.clone(), fit);
+        for _ in 0..LEVER_STEPS {
+            let Some(channel) = term.form.channel.with_levers_of(&better.1.model) else { break };
+            let mut again = better.0.clone();
+            again.form.channel = channel;
+            let defined = define(id, "A term.".into(), std::slice::from_ref(&again), self.variables);
+            match self.judge(about, &defined) {
+                Ok(addition) if addition.finding.supported => better = (again, addition.fit),
+                _ => break,
+            }
+        }
+        better
     }
 
     /// The terms as one proposal, and their rivals as others; and the model with the first.

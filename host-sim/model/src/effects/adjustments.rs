@@ -155,6 +155,7 @@ mod tests {
             rotor_acceleration_rad_s2: [0.0; 4],
             battery_v: 11.0,
             pendulum: Pendulum::default(),
+            memory: None,
             further: crate::sample::NO_FURTHER,
         }
     }

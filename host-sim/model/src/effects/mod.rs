@@ -16,6 +16,7 @@ use std::path::Path;
 use nalgebra::Vector3;
 
 use crate::effect::{EffectInfo, Kind, PlacedSink, Question, Sink};
+use crate::memory::LagId;
 use crate::sample::{AtRotor, Sample, SampleInput};
 use crate::user_effects::{self, Definition, User, UserEffect, UserEffectError};
 use adjusting::Adjusting;
@@ -64,6 +65,14 @@ impl Effect {
     /// The catalogue, then the users' effects that have been read.
     pub fn all() -> impl Iterator<Item = Self> {
         CATALOGUE.iter().copied().chain(user_effects::all().into_iter().map(Effect::User))
+    }
+
+    /// What its formulas look back at, if it is a user's.
+    pub fn lags(self) -> Vec<LagId> {
+        match self {
+            Effect::User(user) => user.lags(),
+            _ => Vec::new(),
+        }
     }
 
     /// Where a fit that knows nothing of the effect starts: values of the coefficients that make its shape (a length, a
@@ -223,6 +232,7 @@ mod tests {
             rotor_acceleration_rad_s2: [10.0, 20.0, 40.0, 80.0].map(|a| finer * a),
             battery_v: 11.0,
             pendulum: Pendulum::default(),
+            memory: None,
             further: crate::sample::NO_FURTHER,
         }
     }

@@ -11,9 +11,11 @@ use crate::effects::Adjustments;
 use crate::effects::slung_load::cable::SlungLoad;
 use crate::effects::weights::Weights;
 use crate::frames;
+use crate::lags::Lags;
+use crate::memory::Memory;
 use crate::model::Model;
 use crate::pendulum::Pendulum;
-use crate::plant::state::{Derivative, State, moved};
+use crate::plant::state::{Derivative, Stage, State};
 use crate::rotor_lag::{RotorLag, decayed};
 use crate::sample::{Constants, Sample, SampleInput, Surroundings};
 use crate::user_effects::Undefined;
@@ -38,6 +40,8 @@ pub struct Plant {
     lag_rad_s: Option<f64>,
     load: Option<SlungLoad>,
     weights: Weights,
+    /// What its formulas look back at.
+    lags: Box<Lags>,
     /// Whether the model is the thesis' in its structure: its stages are then integrated without a branch.
     plain: bool,
 }
@@ -55,6 +59,7 @@ impl Plant {
             lag_rad_s: adjust.lag_rad_s(model.vehicle.motors.lag),
             load: adjust.load(),
             adjust,
+            lags: Box::new(Lags::new(weights.users().iter().flat_map(|(user, _)| user.lags()))),
             weights,
         }
     }
@@ -88,7 +93,15 @@ impl Plant {
         commanded: &[f64; 4],
         around: &Surroundings,
     ) -> SampleInput {
-        self.input_with(state, rotor, self.lagged_acceleration_rad_s2(rotor, commanded), around)
+        let acceleration = self.lagged_acceleration_rad_s2(rotor, commanded);
+        let input = self.input_with(&Stage::of(state), rotor, acceleration, around);
+        SampleInput { memory: self.memory_of(state), ..input }
+    }
+
+    /// What the formulas of the model look back at, where any does.
+    #[inline(always)]
+    fn memory_of(&self, state: &State) -> Option<Memory> {
+        (!self.lags.is_empty()).then_some(state.memory)
     }
 
     /// Acceleration of rotors on their way to what is commanded.
@@ -101,7 +114,7 @@ impl Plant {
     #[inline(always)]
     fn input_with(
         &self,
-        state: &State,
+        state: &Stage,
         rotor: &[f64; 4],
         rotor_acceleration_rad_s2: [f64; 4],
         around: &Surroundings,
@@ -116,6 +129,7 @@ impl Plant {
             rotor_acceleration_rad_s2,
             battery_v: around.battery_v,
             pendulum: state.pendulum,
+            memory: None,
             further: around.further,
         }
     }
@@ -125,6 +139,17 @@ impl Plant {
     #[inline]
     pub fn accelerations(&self, sample: &Sample) -> [f64; 6] {
         self.with_load(self.weights.accelerations(sample), sample.input)
+    }
+
+    /// The six rows without the pull of a load, at a sample with what is looked back at. Not inlined: the stages of the thesis' model are
+    /// a tenth slower beside it.
+    #[inline(never)]
+    fn accelerations_remembering(&self, input: &SampleInput, around: &Surroundings) -> [f64; 6] {
+        if around.memory.is_none() {
+            return self.weights.accelerations(&self.sample_of(input));
+        }
+        let input = SampleInput { memory: around.memory, ..*input };
+        self.weights.accelerations(&self.sample_of(&input))
     }
 
     /// Accelerations of everything else with the pull of a slung load, where there is one.
@@ -212,19 +237,27 @@ impl Plant {
             // A stage that fails shows in the stage before it: formulas are asked where Runge and Kutta ask them.
             let rotor = state.rotor_rad_s;
             let h = substeps.step_s;
-            let mut stage = state;
+            let start = Stage::of(&state);
+            let mut stage = start;
             for part in [0.5, 0.5, 1.0, 0.0] {
-                let input = self.input_at(&stage, &rotor, commanded_rad_s, around);
+                let acceleration = self.lagged_acceleration_rad_s2(&rotor, commanded_rad_s);
+                let mut input = self.input_with(&stage, &rotor, acceleration, around);
+                input.memory = self.memory_of(&state);
                 if let Some(undefined) = self.undefined(&self.sample_of(&input)) {
                     return Some(undefined);
                 }
-                let acceleration = self.lagged_acceleration_rad_s2(&rotor, commanded_rad_s);
-                let k = self.derivative::<false>(&stage, &rotor, acceleration, around);
-                stage = moved(&state, &k, part * h);
+                let around = Surroundings { memory: input.memory, ..*around };
+                let k = self.derivative::<false>(&stage, &rotor, acceleration, &around);
+                stage = start.moved(&k, part * h);
             }
             self.lagged_step(&mut state, commanded_rad_s, around, substeps);
         }
         None
+    }
+
+    /// What the formulas of the model look back at.
+    pub fn lags(&self) -> &Lags {
+        &self.lags
     }
 
     /// Whether the model has effects of users.
@@ -263,10 +296,41 @@ impl Plant {
         step_s: f64,
     ) {
         if self.plain {
-            self.runge_kutta_4::<true>(state, rotor, rotor_acceleration, around, step_s);
+            self.runge_kutta_4::<true>(state, rotor, rotor_acceleration, [around; 3], step_s);
+        } else if self.lags.is_empty() {
+            self.runge_kutta_4::<false>(state, rotor, rotor_acceleration, [around; 3], step_s);
         } else {
-            self.runge_kutta_4::<false>(state, rotor, rotor_acceleration, around, step_s);
+            self.step_with_memory(state, rotor, rotor_acceleration, around, step_s);
         }
+    }
+
+    /// A step with lags, which are slow beside it: its stages see them as if what they follow stayed, and at its end they have followed
+    /// what went straight from its start to its end.
+    #[inline(never)]
+    fn step_with_memory(
+        &self,
+        state: &mut State,
+        rotor: [&[f64; 4]; 3],
+        rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
+        around: &Surroundings,
+        step_s: f64,
+    ) {
+        let input = |state: &State, rotor: &[f64; 4]| {
+            let input = self.input_with(&Stage::of(state), rotor, rotor_acceleration(rotor), around);
+            SampleInput { memory: Some(state.memory), ..input }
+        };
+        let mut start = input(state, rotor[0]);
+        if !self.lags.are_in(&state.memory) {
+            state.memory = self.lags.settled(&self.sample_of(&start));
+            start.memory = Some(state.memory);
+        }
+        let (began, before) = (state.memory, self.sample_of(&start));
+        let held = |time_s: f64| self.lags.after(&began, [&before, &before], time_s);
+        let [first, middle, end] = [began, held(0.5 * step_s), held(step_s)]
+            .map(|memory| Surroundings { memory: Some(memory), ..*around });
+        self.runge_kutta_4::<false>(state, rotor, &rotor_acceleration, [&first, &middle, &end], step_s);
+        let after = input(state, rotor[2]);
+        state.memory = self.lags.after(&began, [&before, &self.sample_of(&after)], step_s);
     }
 
     fn runge_kutta_4<const PLAIN: bool>(
@@ -274,17 +338,17 @@ impl Plant {
         state: &mut State,
         [rotor_start, rotor_middle, rotor_end]: [&[f64; 4]; 3],
         rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
-        around: &Surroundings,
+        [around_start, around_middle, around_end]: [&Surroundings; 3],
         h: f64,
     ) {
-        let start = *state;
-        let stage = |state: &State, rotor: &[f64; 4]| {
+        let start = Stage::of(state);
+        let stage = |state: &Stage, rotor: &[f64; 4], around: &Surroundings| {
             self.derivative::<PLAIN>(state, rotor, rotor_acceleration(rotor), around)
         };
-        let k1 = stage(&start, rotor_start);
-        let k2 = stage(&moved(&start, &k1, 0.5 * h), rotor_middle);
-        let k3 = stage(&moved(&start, &k2, 0.5 * h), rotor_middle);
-        let k4 = stage(&moved(&start, &k3, h), rotor_end);
+        let k1 = stage(&start, rotor_start, around_start);
+        let k2 = stage(&start.moved(&k1, 0.5 * h), rotor_middle, around_middle);
+        let k3 = stage(&start.moved(&k2, 0.5 * h), rotor_middle, around_middle);
+        let k4 = stage(&start.moved(&k3, h), rotor_end, around_end);
         let sixth = h / 6.0;
         state.position_ned_m += sixth * (k1.position + 2.0 * (k2.position + k3.position) + k4.position);
         state.velocity_m_s += sixth * (k1.velocity + 2.0 * (k2.velocity + k3.velocity) + k4.velocity);
@@ -305,7 +369,7 @@ impl Plant {
     #[inline]
     fn derivative<const PLAIN: bool>(
         &self,
-        state: &State,
+        state: &Stage,
         rotor: &[f64; 4],
         rotor_acceleration_rad_s2: [f64; 4],
         around: &Surroundings,
@@ -314,7 +378,7 @@ impl Plant {
         let a = if PLAIN {
             self.weights.accelerations_of_thesis(&Sample::plain(&input, &self.constants))
         } else {
-            self.weights.accelerations(&self.sample_of(&input))
+            self.accelerations_remembering(&input, around)
         };
         let dcm = &input.dcm;
         let gravity = dcm.column(2) * self.gravity_m_s2;

@@ -3,6 +3,7 @@
 use nalgebra::{Vector3, Vector4};
 
 use crate::frames;
+use crate::memory::Memory;
 use crate::pendulum::Pendulum;
 
 /// State of the craft.
@@ -20,6 +21,8 @@ pub struct State {
     pub rotor_rad_s: [f64; 4],
     /// Where a slung load hangs; still where there is none.
     pub pendulum: Pendulum,
+    /// What formulas of the model look back at; nothing until the first step, which takes it for what has always been.
+    pub memory: Memory,
 }
 
 impl State {
@@ -32,6 +35,7 @@ impl State {
             rate_rad_s: Vector3::zeros(),
             rotor_rad_s,
             pendulum: Pendulum::default(),
+            memory: Memory::default(),
         }
     }
 
@@ -45,7 +49,7 @@ impl State {
         let all =
             self.position_ned_m.sum() + self.attitude.sum() + self.velocity_m_s.sum() + self.rate_rad_s.sum();
         let pendulum = self.pendulum.direction.sum() + self.pendulum.turning_rad_s.sum();
-        (all + self.rotor_rad_s.iter().sum::<f64>() + pendulum).is_finite()
+        (all + self.rotor_rad_s.iter().sum::<f64>() + pendulum).is_finite() && self.memory.is_finite()
     }
 }
 
@@ -59,15 +63,37 @@ pub(super) struct Derivative {
     pub(super) pendulum: Pendulum,
 }
 
-/// The state after `time_s` at a rate.
-#[inline]
-pub(super) fn moved(state: &State, rate: &Derivative, time_s: f64) -> State {
-    State {
-        position_ned_m: state.position_ned_m + time_s * rate.position,
-        attitude: state.attitude + time_s * rate.attitude,
-        velocity_m_s: state.velocity_m_s + time_s * rate.velocity,
-        rate_rad_s: state.rate_rad_s + time_s * rate.rate,
-        rotor_rad_s: state.rotor_rad_s,
-        pendulum: state.pendulum.moved(&rate.pendulum, time_s),
+/// What a stage of an integration moves: a state but for its rotors and what it remembers.
+#[derive(Clone, Copy)]
+pub(super) struct Stage {
+    pub(super) position_ned_m: Vector3<f64>,
+    pub(super) attitude: Vector4<f64>,
+    pub(super) velocity_m_s: Vector3<f64>,
+    pub(super) rate_rad_s: Vector3<f64>,
+    pub(super) pendulum: Pendulum,
+}
+
+impl Stage {
+    #[inline(always)]
+    pub(super) fn of(state: &State) -> Self {
+        Self {
+            position_ned_m: state.position_ned_m,
+            attitude: state.attitude,
+            velocity_m_s: state.velocity_m_s,
+            rate_rad_s: state.rate_rad_s,
+            pendulum: state.pendulum,
+        }
+    }
+
+    /// After `time_s` at a rate.
+    #[inline]
+    pub(super) fn moved(&self, rate: &Derivative, time_s: f64) -> Self {
+        Self {
+            position_ned_m: self.position_ned_m + time_s * rate.position,
+            attitude: self.attitude + time_s * rate.attitude,
+            velocity_m_s: self.velocity_m_s + time_s * rate.velocity,
+            rate_rad_s: self.rate_rad_s + time_s * rate.rate,
+            pendulum: self.pendulum.moved(&rate.pendulum, time_s),
+        }
     }
 }

@@ -9,6 +9,7 @@ use crate::quantity::QUANTITIES;
 use crate::sample::MAX_FURTHER;
 use crate::user_effects::arithmetic::FUNCTIONS;
 use crate::user_effects::definition::MAX_NAME;
+use crate::user_effects::scanner::LAG;
 
 /// The column that every flight has by its rows, and none by its file: time since the flight's first row, s.
 pub const TIME_COLUMN: &str = "time";
@@ -45,7 +46,7 @@ pub(super) fn is_word(name: &str) -> bool {
 
 /// The functions that formulas can call, those of two arguments last.
 pub fn functions() -> impl Iterator<Item = &'static str> {
-    FUNCTIONS.into_iter().chain(["min", "max", "atan2"])
+    FUNCTIONS.into_iter().chain(["min", "max", "atan2", LAG])
 }
 
 /// Whether a name is that of a function.

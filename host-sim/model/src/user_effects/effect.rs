@@ -4,6 +4,8 @@ use std::path::Path;
 
 use crate::axis::{AXES, Axis};
 use crate::effect::{Coefficient, EffectInfo, Kind, Question, Special};
+use crate::lags::Lags;
+use crate::memory::{LagId, MAX_LAGS};
 use crate::sample::Sample;
 use crate::user_effects::check::{
     Known, Problem, check_coefficients, check_columns, check_constants, check_words,
@@ -104,7 +106,14 @@ impl UserEffect {
             }
         }
         let (is_linear, is_shape) = names.shapes(&formulas);
-        Ok(Self { formulas, is_linear, is_shape, definition })
+        let effect = Self { formulas, is_linear, is_shape, definition };
+        if Lags::new(effect.lags()).ids().count() >= MAX_LAGS {
+            return Err((
+                "acceleration".into(),
+                format!("looks back by {MAX_LAGS} lags or more; fewer are possible"),
+            ));
+        }
+        Ok(effect)
     }
 
     /// What it says of itself, for the rest of the program.
@@ -151,8 +160,18 @@ impl UserEffect {
         self.names(|input| match input {
             Input::Quantity(quantity) => Some(quantity.name),
             Input::Further(column) => Some(column.name),
+            Input::Lagged(lag) => lag.quantity().map(|quantity| quantity.name),
             Input::Coefficient(_) | Input::Constant(_) => None,
         })
+    }
+
+    /// What its formulas look back at.
+    pub(super) fn lags(&self) -> Vec<LagId> {
+        let of = |input: &Input| match input {
+            Input::Lagged(lag) => Some(*lag),
+            _ => None,
+        };
+        self.formulas.iter().flat_map(|f| &f.inputs).filter_map(of).collect()
     }
 
     /// Names of the further columns of flight files in its formulas.

@@ -1,5 +1,6 @@
 //! What the names in the formulas of one effect mean, and how its coefficients enter them.
 
+use crate::lags::{Followed, LAG_TIMES_S, Lag};
 use crate::quantity::QUANTITIES;
 use crate::sample::MAX_FURTHER;
 use crate::user_effects::columns::{USUAL_COLUMNS, placed, usual_unit};
@@ -7,6 +8,7 @@ use crate::user_effects::definition::{Definition, MAX_NAME};
 use crate::user_effects::dimension::Dimension;
 use crate::user_effects::formula::{Formula, dimension_of};
 use crate::user_effects::row::{Input, MAX_NAMES, Row, RowFormula, rows_known};
+use crate::user_effects::scanner::LAG;
 use crate::user_effects::trace::{Entry, Trace};
 
 /// What formulas of one effect can name.
@@ -54,6 +56,9 @@ impl Names<'_> {
             let too_many = || format!("more than {MAX_FURTHER} different columns of flight files");
             return placed(name).map(Input::Further).ok_or_else(too_many);
         }
+        if let Some(looked_back) = looked_back(name) {
+            return self.lagged(looked_back?);
+        }
         let own = coefficient.iter().map(|c| c.name.as_str()).chain(constant.iter().map(|c| c.name.as_str()));
         let columns =
             column.iter().map(|c| c.name.as_str()).chain(USUAL_COLUMNS.iter().map(|(name, _)| *name));
@@ -66,7 +71,36 @@ impl Names<'_> {
         ))
     }
 
+    /// `lag(of, time)`.
+    fn lagged(&self, (of, time): (&str, &str)) -> Result<Input, String> {
+        let of = match self.input(of)? {
+            Input::Quantity(quantity) => Followed::Quantity(quantity),
+            Input::Further(column) => Followed::Further(column.place),
+            Input::Lagged(lag) => Followed::Lag(lag),
+            Input::Coefficient(_) | Input::Constant(_) => {
+                return Err(format!("\"{of}\" does not change: lag(...) takes a measured quantity first"));
+            }
+        };
+        let own = self.definition.constant.iter().position(|constant| constant.name == time);
+        let (Some(k), Ok(second)) = (own, dimension_of("s")) else {
+            return Err(format!(
+                "\"{time}\" is no constant of the effect; the time of a lag is one: constant = [{{ name = \"memory\", unit = \"s\", \
+                 value = 0.3 }}]"
+            ));
+        };
+        let time_s = self.definition.constant[k].value;
+        let [shortest, longest] = LAG_TIMES_S;
+        if !self.constants[k].is(second) || !(shortest..=longest).contains(&time_s) {
+            return Err(format!("\"{time}\" is the time of a lag: {shortest} to {longest} s"));
+        }
+        let too_many = || "there are too many different lags in this program".to_owned();
+        Lag { of, time_s }.id().map(Input::Lagged).ok_or_else(too_many)
+    }
+
     fn trace(&self, name: &str, entry: &dyn Fn(usize) -> Entry) -> Trace {
+        if let Some(Ok((of, _))) = looked_back(name) {
+            return Trace { value: None, ..self.trace(of, entry) };
+        }
         let Definition { coefficient, constant, column, .. } = self.definition;
         if let Some(k) = coefficient.iter().position(|c| c.name == name) {
             return Trace { dimension: self.coefficients[k], entry: entry(k), value: None };
@@ -108,4 +142,17 @@ impl Names<'_> {
         }
         (enter(&vec![false; count], &[Entry::Linear]), given)
     }
+}
+
+/// Deepest nesting of lags.
+const MAX_ORDER: usize = 2;
+
+/// What a name of the form `lag(of, time)` looks back at, and how far; nothing of other names.
+fn looked_back(name: &str) -> Option<Result<(&str, &str), String>> {
+    let inside = name.strip_prefix(LAG)?.strip_prefix('(')?.strip_suffix(')')?;
+    if inside.matches('(').count() >= MAX_ORDER {
+        return Some(Err(format!("lags are nested deeper than {MAX_ORDER}")));
+    }
+    let missing = || "lag(...) takes a quantity and a constant, such as lag(w, memory)".to_owned();
+    Some(inside.rsplit_once(',').filter(|(of, _)| !of.is_empty()).ok_or_else(missing))
 }

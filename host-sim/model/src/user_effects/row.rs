@@ -1,6 +1,7 @@
 //! A formula of a user's effect with the row that it acts on.
 
 use crate::axis::{AXES, Axis};
+use crate::memory::LagId;
 use crate::quantity::Quantity;
 use crate::sample::Sample;
 use crate::user_effects::columns::FurtherColumn;
@@ -42,6 +43,7 @@ impl Row {
 pub(super) enum Input {
     Quantity(&'static Quantity),
     Further(FurtherColumn),
+    Lagged(LagId),
     Coefficient(usize),
     Constant(f64),
 }
@@ -56,7 +58,14 @@ pub(super) struct RowFormula {
 impl RowFormula {
     /// Whether it looks at the rotors, whose unit depends on the vehicle.
     pub(super) fn has_rotors(&self) -> bool {
-        self.inputs.iter().any(|input| matches!(input, Input::Quantity(q) if q.unit_in_commands.is_some()))
+        self.inputs.iter().any(|input| {
+            let quantity = match input {
+                Input::Quantity(quantity) => Some(*quantity),
+                Input::Lagged(lag) => lag.quantity(),
+                _ => None,
+            };
+            quantity.is_some_and(|quantity| quantity.unit_in_commands.is_some())
+        })
     }
 
     pub(super) fn value(&self, sample: &Sample, coefficients: &[f64]) -> f64 {
@@ -65,6 +74,7 @@ impl RowFormula {
             *value = match input {
                 Input::Quantity(quantity) => quantity.at(sample),
                 Input::Further(column) => sample.input.further[column.place],
+                Input::Lagged(lag) => sample.input.remembered(*lag),
                 Input::Coefficient(k) => coefficients.get(*k).copied().unwrap_or(0.0),
                 Input::Constant(value) => *value,
             };

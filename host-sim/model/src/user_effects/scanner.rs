@@ -3,12 +3,15 @@
 use crate::user_effects::arithmetic::FUNCTIONS;
 
 /// Longest formula or unit, bytes.
-pub(super) const MAX_LENGTH: usize = 500;
+pub(super) const MAX_LENGTH: usize = 2000;
 /// Deepest nesting of brackets.
 pub(super) const MAX_DEPTH: usize = 20;
 
 /// Functions of two arguments, and the operators that they become.
 const OF_TWO: [(&str, &str); 3] = [("min", "&"), ("max", "|"), ("atan2", "@")];
+
+/// The function that looks back: `lag(quantity, time)`. What it makes has a name of its own, which the parser does not look into.
+pub(super) const LAG: &str = "lag";
 
 /// Bytes of the number that a text begins with; 0 if it does not.
 pub(super) fn number_length(text: &str) -> usize {
@@ -157,6 +160,9 @@ impl<'a> Scanner<'a> {
         let name = &rest[..length];
         let is_call = rest[length..].trim_start().starts_with('(');
         self.operand(name)?;
+        if name == LAG && is_call && self.juxtaposed == Juxtaposed::Refused {
+            return self.lag(length);
+        }
         let of_two = OF_TWO.iter().find(|(known, _)| *known == name);
         let of_one = FUNCTIONS.contains(&name);
         match (of_two, of_one, is_call && self.juxtaposed == Juxtaposed::Refused) {
@@ -173,10 +179,13 @@ impl<'a> Scanner<'a> {
             (None, false, true) => {
                 let two = OF_TWO.map(|(name, _)| name);
                 Err(format!(
-                    "\"{name}\" is not a function; known are {}, {}",
+                    "\"{name}\" is not a function; known are {}, {}, {LAG}",
                     FUNCTIONS.join(", "),
                     two.join(", ")
                 ))
+            }
+            _ if name == LAG && self.juxtaposed == Juxtaposed::Refused => {
+                Err(format!("{LAG} is a function; write {LAG}(...)"))
             }
             (Some(_), _, false) | (_, true, false) if self.juxtaposed == Juxtaposed::Refused => {
                 Err(format!("{name} is a function; write {name}(...)"))
@@ -190,6 +199,32 @@ impl<'a> Scanner<'a> {
                 Ok(())
             }
         }
+    }
+
+    /// A look back, from its name to its closing bracket.
+    fn lag(&mut self, length: usize) -> Result<(), String> {
+        let rest = &self.text[self.at + length..];
+        let mut depth = 0_usize;
+        let end = rest.char_indices().find_map(|(place, c)| {
+            match c {
+                '(' => depth += 1,
+                ')' => depth = depth.saturating_sub(1),
+                _ => return None,
+            }
+            (depth == 0).then_some(place)
+        });
+        let Some(end) = end else { return Err("a bracket is not closed".into()) };
+        let inside: String = rest[..=end].chars().filter(|c| !c.is_whitespace()).collect();
+        let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '(' | ')' | ',' | '.');
+        if !inside.chars().all(is_plain) {
+            return Err(
+                "lag(...) takes the name of a quantity and that of a constant, such as lag(w, memory)".into(),
+            );
+        }
+        self.clear.push_str(&format!("{{{LAG}{inside}}}"));
+        self.at += length + end + 1;
+        self.ended();
+        Ok(())
     }
 
     /// Past a function's name and its bracket.

@@ -12,6 +12,7 @@ use std::sync::{PoisonError, RwLock, RwLockWriteGuard};
 
 use crate::axis::AXES;
 use crate::effect::{EffectInfo, Kind, Sink};
+use crate::memory::LagId;
 use crate::sample::Sample;
 use crate::user_effects::check::Known;
 use crate::user_effects::definition::{
@@ -99,6 +100,11 @@ impl User {
     /// Names of the further columns of flight files in its formulas.
     pub fn columns_named(self) -> Vec<&'static str> {
         self.0.effect.columns()
+    }
+
+    /// What its formulas look back at.
+    pub fn lags(self) -> Vec<LagId> {
+        self.0.effect.lags()
     }
 
     /// Makes it what its identifier means, in place of another definition where there is one.

@@ -15,7 +15,7 @@ use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
-use crate::checks::{bench, channels, command_clock, imu, interpolated, motors, under_sampled};
+use crate::checks::{bench, channels, command_clock, gyro, imu, interpolated, motors, under_sampled};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight, Mend, StandIn};
 
@@ -32,6 +32,8 @@ pub enum FaultKind {
     WrongFrame,
     /// They contradict each other, not known why.
     InconsistentFrames,
+    /// A gyro that is not to scale, not at right angles, or drifts.
+    GyroFault,
     /// Motors numbered or spinning otherwise.
     WrongMotors,
     /// Commands at the ends of their range.
@@ -81,6 +83,7 @@ impl FaultKind {
             Self::WanderingClock => "wandering-clock",
             Self::WrongFrame => "wrong-frame",
             Self::InconsistentFrames => "inconsistent-frames",
+            Self::GyroFault => "gyro-fault",
             Self::WrongMotors => "wrong-motors",
             Self::SaturatedCommands => "saturated-commands",
             Self::FrozenChannel => "frozen-channel",
@@ -260,6 +263,9 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
             clocks.aligned |= rest.aligned;
         }
         tell_clocks(&clocks, &mut found);
+        if frame.is_none() {
+            tell_gyro(&flight, &prepared, &mut found);
+        }
         if let Some(fault) = motors::check(&prepared, vehicle) {
             found.add(FaultKind::WrongMotors, Severity::Refused, fault.sentence);
             mend = fault.mend;
@@ -283,8 +289,20 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
 
 /// What is wrong with the accelerometer's axes. Against an attitude that was made of it, nothing is proved.
 fn imu_fault(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle) -> Option<FrameFault> {
-    let is_circular = flight.stand_ins().contains(&StandIn::AnglesOfGyro);
-    if is_circular { None } else { imu::check(prepared, vehicle) }
+    if is_circular(flight) { None } else { imu::check(prepared, vehicle) }
+}
+
+/// Says what is wrong with the gyro. An estimator's attitude is made of it, and has its faults.
+fn tell_gyro(flight: &Flight, prepared: &Prepared, found: &mut Found) {
+    if !prepared.has_logged_velocity && !is_circular(flight) {
+        let faults = gyro::check(prepared);
+        faults.into_iter().for_each(|fault| found.add(FaultKind::GyroFault, Severity::Warning, fault));
+    }
+}
+
+/// Whether the attitude was made of the gyro.
+fn is_circular(flight: &Flight) -> bool {
+    flight.stand_ins().contains(&StandIn::AnglesOfGyro)
 }
 
 /// Says which channels lie; the flight without what they say, where that is mended.
@@ -390,7 +408,8 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 21] = [
+    const KINDS: [FaultKind; 22] = [
+        FaultKind::GyroFault,
         FaultKind::ClockOffset,
         FaultKind::ClockSkew,
         FaultKind::WanderingClock,

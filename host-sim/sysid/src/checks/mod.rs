@@ -10,6 +10,7 @@ mod frame_hypotheses;
 mod frame_relations;
 mod frame_taps;
 pub mod frames;
+pub mod gyro;
 pub mod imu;
 pub mod interpolated;
 pub mod motors;

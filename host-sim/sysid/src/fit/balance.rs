@@ -82,6 +82,7 @@ fn hovering(rotor_rad_s: [f64; 4]) -> SampleInput {
         rotor_acceleration_rad_s2: [0.0; 4],
         battery_v: 0.0,
         pendulum: model::Pendulum::default(),
+        memory: None,
         // Nothing hangs from it, and no one flies beside it.
         further: [0.0; model::MAX_FURTHER],
     }

@@ -310,6 +310,9 @@ fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) 
     let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s, flight.rotor_late_s());
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
     let swings = swing::followed(flight, stretch, model);
+    let plant = Plant::new(model);
+    let looked_back = (!plant.lags().is_empty())
+        .then(|| flight.states(stretch, &model.vehicle, &adjust).remembering(&plant, plant.lags()));
     let smooth = (!flight.has_logged_velocity).then(|| {
         [&stretch.euler_rad, &stretch.rate_rad_s].map(|s| s.each_ref().map(|one| smoothed(one, taps)))
     });
@@ -327,6 +330,7 @@ fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) 
                 rate_rad_s: rate,
                 rotor_rad_s: std::array::from_fn(|i| rotor[i].speed_rad_s[k]),
                 pendulum: swings.get(k).copied().unwrap_or_default(),
+                memory: looked_back.as_ref().and_then(|states| states.memory(k)).unwrap_or_default(),
             }
         })
         .collect()

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use model::{Axis, Effect, Plant, Quantity, Sample, Sink};
+use model::{Axis, Effect, LagId, Plant, Quantity, Sample, Sink};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::fit::least_squares::RowColumn;
@@ -17,6 +17,10 @@ pub fn coefficient_count(effect: Effect) -> usize {
 pub trait Terms {
     /// Parameters.
     fn count(&self) -> usize;
+    /// What they look back at, beside what the model does that they are about.
+    fn lags(&self) -> Vec<LagId> {
+        Vec::new()
+    }
     /// Adds what each parameter multiplies, by `sink.add(axis, parameter, value)`, once for each axis.
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink);
 }
@@ -38,6 +42,10 @@ impl LinearEffects {
 impl Terms for LinearEffects {
     fn count(&self) -> usize {
         self.count
+    }
+
+    fn lags(&self) -> Vec<LagId> {
+        self.effects.iter().flat_map(|(effect, _)| effect.lags()).collect()
     }
 
     #[inline]
@@ -84,6 +92,10 @@ impl Terms for Predictions<'_> {
         self.0.len()
     }
 
+    fn lags(&self) -> Vec<LagId> {
+        self.0.iter().flat_map(|plant| plant.lags().ids()).collect()
+    }
+
     #[inline]
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
         for (index, plant) in self.0.iter().enumerate() {
@@ -108,6 +120,10 @@ pub(crate) struct Both<'a> {
 impl Terms for Both<'_> {
     fn count(&self) -> usize {
         self.linear.count() + self.predictions.count()
+    }
+
+    fn lags(&self) -> Vec<LagId> {
+        self.linear.lags().into_iter().chain(self.predictions.lags()).collect()
     }
 
     #[inline]

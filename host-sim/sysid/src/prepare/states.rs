@@ -3,7 +3,7 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, Pendulum, SampleInput, Vehicle};
+use model::{Adjustments, Lags, Memory, Pendulum, Plant, SampleInput, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::prepare::prepared::Prepared;
@@ -36,6 +36,8 @@ pub struct States<'a> {
     wind_ned_m_s: Vector3<f64>,
     rotor: [RotorTrack; 4],
     period_s: f64,
+    /// What formulas look back at, at each sample; empty where none does.
+    memory: Vec<Memory>,
 }
 
 impl States<'_> {
@@ -75,8 +77,32 @@ impl States<'_> {
             rotor_acceleration_rad_s2: [0.0; 4],
             battery_v: stretch.battery_v[k],
             pendulum: Pendulum::default(),
+            memory: self.memory(k),
             further: stretch.further_at(k),
         }
+    }
+
+    /// What formulas look back at.
+    #[inline]
+    pub(crate) fn memory(&self, k: usize) -> Option<Memory> {
+        self.memory.get(k).copied()
+    }
+
+    /// With what is remembered under a plant: as if the stretch had begun as it was in its first sample.
+    pub fn remembering(mut self, plant: &Plant, lags: &Lags) -> Self {
+        if lags.is_empty() || self.len() == 0 {
+            return self;
+        }
+        let mut before = self.at(0);
+        let mut memory = vec![lags.settled(&plant.sample_of(&before))];
+        for k in 1..self.len() {
+            let after = self.at(k);
+            let ends = [&plant.sample_of(&before), &plant.sample_of(&after)];
+            memory.push(lags.after(&memory[k - 1], ends, self.period_s));
+            before = after;
+        }
+        self.memory = memory;
+        self
     }
 
     /// At a sample.
@@ -124,6 +150,7 @@ impl States<'_> {
                     Some([before, after]) => before.middle(after),
                     _ => Pendulum::default(),
                 },
+                memory: a.memory.zip(b.memory).map(|(before, after)| before.middle(&after)),
                 further: std::array::from_fn(|i| 0.5 * (a.further[i] + b.further[i])),
             });
             a = b;
@@ -185,6 +212,7 @@ impl Prepared {
             wind_ned_m_s: self.wind_ned_m_s,
             rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
             period_s: self.period_s,
+            memory: Vec::new(),
         }
     }
 }

@@ -92,7 +92,7 @@ impl Stretch {
     pub(crate) fn surroundings_after(&self, k: usize) -> Surroundings {
         let mut further = NO_FURTHER;
         self.further.iter().for_each(|(place, all)| further[*place] = 0.5 * (all[k] + all[k + 1]));
-        Surroundings { battery_v: self.battery_v[k], further }
+        Surroundings::new(self.battery_v[k], further)
     }
 
     /// Each rotor's speed. `late_s` is what the log's rotor samples come late: they are brought
