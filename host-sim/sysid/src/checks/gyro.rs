@@ -4,7 +4,7 @@
 //! rate of the attitude = N gyro + bias + drift t
 //! ```
 //!
-//! Both sides go through filters of equal response ([`crate::checks::tracks`]), once the clocks agree. The gyro is the regressor: its noise
+//! Both sides go through filters of equal response (`tracks.rs`), once the clocks agree. The gyro is the regressor: its noise
 //! is small beside that of a differentiated attitude, so that the factors are hardly too small. A tracked frame that is turned against the
 //! gyro shows as a rotation, the part of N that changes its sign with its indices: that is no fault of the gyro and is left to
 //! `attitude-offset`.
