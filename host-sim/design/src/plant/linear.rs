@@ -209,6 +209,25 @@ mod tests {
         assert!((plain_differences(0.1, quartic)[(0, 0)] - 2.01).abs() < 1e-14);
     }
 
+    /// At rest for ever, what is remembered is what is there, and the time is that of the start.
+    #[test]
+    fn what_looks_back_is_linear_about_what_has_always_been() {
+        let linear = |formula: &str| {
+            let text = format!(
+                "[[effect]]\nid = \"wake\"\nacceleration.w = \"{formula}\"\ncoefficient = [{{ name = \"k\", unit = \"1/s\", possible = \
+                 [-9.0, 9.0], typical = 1.0 }}]\nconstant = [{{ name = \"memory\", unit = \"s\", value = 0.4 }}]\n"
+            );
+            let [user] = model::effects::draft(&text, std::path::Path::new("wake.toml")).unwrap()[..] else {
+                panic!("one effect")
+            };
+            let mut model = Model::thesis();
+            model.set(Effect::User(user), &[-0.3]);
+            Linear::new(&model, &TrimTarget::default()).unwrap().a
+        };
+        let (now, back) = (linear("k * w"), linear("k * lag(w, memory) * cos(time / memory)"));
+        assert!((now - back).amax() < 1e-9 && now.amax() > 0.3, "{now} {back}");
+    }
+
     /// A row of zeros, or two equal rows, leave an axis without a rotor effect of its own: the
     /// error names it.
     #[test]

@@ -11,7 +11,7 @@ use std::path::Path;
 use argmin::core::{CostFunction, Executor, Gradient, State as _};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
-use model::{Effect, Model, Pendulum, Plant, SampleInput, frames};
+use model::{Effect, Model, Pendulum, Plant, SampleInput, frames, user_effects};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
@@ -93,11 +93,17 @@ pub(crate) struct Dynamics {
     pub(crate) mass_kg: f64,
     gravity_m_s2: f64,
     pub(crate) battery_v: f64,
+    /// What formulas name besides: the time, which is that of the start.
+    further: model::Further,
 }
 
 impl Dynamics {
     pub(crate) fn new(model: &Model, battery_v: Option<f64>) -> Self {
+        let mut further = model::NO_FURTHER;
+        let columns = user_effects::columns().into_iter().zip(&mut further);
+        columns.filter(|(name, _)| *name == user_effects::TIME_COLUMN).for_each(|(_, value)| *value = 0.0);
         Self {
+            further,
             mass_kg: model.vehicle.mass + model.adjustments().extra_mass_kg(),
             gravity_m_s2: model.vehicle.gravity,
             battery_v: battery_v.unwrap_or(model.reference.battery_v),
@@ -105,10 +111,10 @@ impl Dynamics {
         }
     }
 
-    /// Specific force and angular acceleration, the six rows of (4.3).
+    /// Specific force and angular acceleration, the six rows of (4.3). What formulas look back at has always been as it is.
     fn accelerations(&self, z: &[f64; 12], rotor: &[f64; 4], rotor_acceleration: &[f64; 4]) -> [f64; 6] {
         let euler = Vector3::new(z[6], z[7], z[8]);
-        self.plant.accelerations(&self.plant.sample_of(&SampleInput {
+        let mut input = SampleInput {
             position_ned_m: Vector3::new(z[0], z[1], z[2]),
             dcm: frames::dcm_from_euler(euler),
             velocity_m_s: Vector3::new(z[3], z[4], z[5]),
@@ -119,8 +125,12 @@ impl Dynamics {
             battery_v: self.battery_v,
             pendulum: Pendulum::default(),
             memory: None,
-            further: model::NO_FURTHER,
-        }))
+            further: self.further,
+        };
+        if !self.plant.lags().is_empty() {
+            input.memory = Some(self.plant.lags().settled(&self.plant.sample_of(&input)));
+        }
+        self.plant.accelerations(&self.plant.sample_of(&input))
     }
 
     /// The derivative of the state, (2.8) with the resolutions of its misprints.
