@@ -113,10 +113,10 @@ impl Lags {
         self.all.iter().map(|(id, _)| *id)
     }
 
-    /// Whether a memory is one of these.
-    #[inline]
-    pub(crate) fn are_in(&self, memory: &Memory) -> bool {
-        self.all.iter().zip(memory.lags).all(|((id, _), own)| id.0 == own)
+    /// A memory that is one of these lags; where it is of nothing yet, what is remembered after a past as in a sample.
+    pub fn begun(&self, memory: &Memory, sample: &Sample) -> Memory {
+        let is_begun = self.all.iter().zip(memory.lags).all(|((id, _), own)| id.0 == own);
+        if is_begun { *memory } else { self.settled(sample) }
     }
 
     /// What is remembered where it has always been as in a sample.

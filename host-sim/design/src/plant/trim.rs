@@ -11,7 +11,7 @@ use std::path::Path;
 use argmin::core::{CostFunction, Executor, Gradient, State as _};
 use argmin::solver::linesearch::MoreThuenteLineSearch;
 use argmin::solver::quasinewton::LBFGS;
-use model::{Effect, Model, Pendulum, Plant, SampleInput, frames, user_effects};
+use model::{Effect, Memory, Model, Pendulum, Plant, SampleInput, frames, user_effects};
 use nalgebra::Vector3;
 use serde::Deserialize;
 
@@ -114,7 +114,7 @@ impl Dynamics {
     /// Specific force and angular acceleration, the six rows of (4.3). What formulas look back at has always been as it is.
     fn accelerations(&self, z: &[f64; 12], rotor: &[f64; 4], rotor_acceleration: &[f64; 4]) -> [f64; 6] {
         let euler = Vector3::new(z[6], z[7], z[8]);
-        let mut input = SampleInput {
+        let input = SampleInput {
             position_ned_m: Vector3::new(z[0], z[1], z[2]),
             dcm: frames::dcm_from_euler(euler),
             velocity_m_s: Vector3::new(z[3], z[4], z[5]),
@@ -127,9 +127,7 @@ impl Dynamics {
             memory: None,
             further: self.further,
         };
-        if !self.plant.lags().is_empty() {
-            input.memory = Some(self.plant.lags().settled(&self.plant.sample_of(&input)));
-        }
+        let input = self.plant.remembering(input, &Memory::default());
         self.plant.accelerations(&self.plant.sample_of(&input))
     }
 

@@ -47,8 +47,8 @@ pub(crate) struct Candidates {
 }
 
 impl Candidates {
-    /// Whether the search found more than chance does; nothing is fitted where it did not.
-    pub(crate) fn count(&self) -> bool {
+    /// Whether the search found more than chance does.
+    pub(crate) fn are_significant(&self) -> bool {
         self.p_value < SIGNIFICANT
     }
 }
@@ -79,8 +79,9 @@ pub(crate) fn candidates(
     }
     sort(&mut found, problem.rows);
     let p_value = found.first().map_or(1.0, |best| chance_of(best.worth(problem.rows), &by_chance));
-    if p_value >= SIGNIFICANT {
-        return Candidates { refined: Vec::new(), p_value };
+    let without_forms = Candidates { refined: Vec::new(), p_value };
+    if !without_forms.are_significant() {
+        return without_forms;
     }
     let mut forms: Vec<Form> = distinct(&found, REFINED).into_iter().map(|scored| scored.form).collect();
     let bases: Vec<Form> = distinct(&found, BASES).into_iter().map(|scored| scored.form).collect();

@@ -19,8 +19,8 @@ enum Source {
     From(&'static Quantity, usize),
     /// Horizontal distance from a place in two further columns.
     Distance([usize; 2]),
-    /// Place along a horizontal direction, by its angle from north to east, degrees.
-    Along(u8),
+    /// Place along a horizontal direction: its angle from north to east, degrees, and its parts along north and east.
+    Along(u8, [f64; 2]),
     /// The own speed of each rotor.
     OwnSpeed,
     /// The own acceleration of each rotor.
@@ -113,10 +113,7 @@ impl Variable {
                 let from = |axis: usize, column: usize| place[axis] - sample.input.further[column];
                 from(0, north).hypot(from(1, east))
             }
-            Source::Along(degrees) => {
-                let [north, east] = direction(degrees);
-                north * place.x + east * place.y
-            }
+            Source::Along(_, [north, east]) => north * place.x + east * place.y,
             Source::OwnSpeed => sample.input.rotor_rad_s[rotor],
             Source::OwnAcceleration => sample.input.rotor_acceleration_rad_s2[rotor],
             Source::Lagged(..) => self.lags[0].map_or(f64::NAN, |lag| sample.input.remembered(lag)),
@@ -163,15 +160,14 @@ impl Variable {
     /// One for tests of words.
     #[cfg(test)]
     pub(crate) fn made_up(name: &'static str, unit: &str, span: Span) -> Self {
-        let source = Source::Further(0);
-        Self { name, formula: name.into(), unit: unit.into(), declared: false, source, lags: [None; 4], span }
+        Self { span, ..Self::new(name, name.into(), Source::Further(0), unit) }
     }
 
     /// The measured quantities behind it.
     pub(crate) fn quantities(&self) -> Vec<&'static str> {
         match self.source {
             Source::Sine(quantity) | Source::Cosine(quantity) => vec![quantity.name],
-            Source::Along(_) => vec!["east", "north"],
+            Source::Along(..) => vec!["east", "north"],
             Source::Lagged(quantity, _) => vec![quantity.name],
             _ => vec![self.name],
         }
@@ -180,7 +176,7 @@ impl Variable {
     /// For people.
     pub(crate) fn called(&self) -> Cow<'static, str> {
         match self.source {
-            Source::Along(degrees) => format!("position along a bearing of {degrees} degrees").into(),
+            Source::Along(degrees, _) => format!("position along a bearing of {degrees} degrees").into(),
             Source::OwnSpeed => "rotor's own speed".into(),
             Source::OwnAcceleration => "rotor's own acceleration".into(),
             Source::Lagged(quantity, place) => {
@@ -196,7 +192,7 @@ impl Variable {
     /// Whether every form is tried over it; the best are tried over the others besides ([`Self::relatives`]).
     pub(crate) fn is_searched(&self) -> bool {
         match self.source {
-            Source::Along(degrees) => OBLIQUE_DEG.contains(&degrees),
+            Source::Along(degrees, _) => OBLIQUE_DEG.contains(&degrees),
             Source::Lagged(_, place) => place == SEARCHED_LAG,
             Source::OwnAhead(place) => place == SEARCHED_OWN_LAG,
             _ => true,
@@ -205,13 +201,13 @@ impl Variable {
 
     /// Numbers in its formula that are chosen with the form.
     pub(crate) fn count(&self) -> usize {
-        usize::from(matches!(self.source, Source::Along(_) | Source::Lagged(..) | Source::OwnAhead(_)))
+        usize::from(matches!(self.source, Source::Along(..) | Source::Lagged(..) | Source::OwnAhead(_)))
     }
 
     /// Variables that differ from it in such a number alone, nearest first.
     pub(crate) fn relatives(&self, all: &[Self]) -> Vec<usize> {
         let apart = |other: &Self| match (self.source, other.source) {
-            (Source::Along(own), Source::Along(degrees)) if own != degrees => {
+            (Source::Along(own, _), Source::Along(degrees, _)) if own != degrees => {
                 let turn = own.abs_diff(degrees);
                 Some(usize::from(turn.min(180 - turn)))
             }
@@ -234,8 +230,7 @@ impl Variable {
         let rotors = model.vehicle.rotor_quantity(flights.iter().all(|flight| flight.has_rotor_speeds()));
         let mut all: Vec<Self> = Vec::new();
         let mut put = |name, formula: Cow<'static, str>, source, unit: &str| {
-            let (unit, span) = (unit.to_owned(), Span { low: 0.0, high: 0.0 });
-            all.push(Self { name, formula, unit, declared: false, source, lags: [None; 4], span });
+            all.push(Self::new(name, formula, source, unit));
         };
         for name in PLAIN.into_iter().chain(["vbat"]) {
             let Some(quantity) = Quantity::named(name) else { continue };
@@ -251,10 +246,10 @@ impl Variable {
         }
         for degrees in (FINER_DEG..180).step_by(FINER_DEG).filter(|degrees| *degrees != 90) {
             let degrees = degrees as u8;
-            let [north, east] = direction(degrees);
+            let toward @ [north, east] = direction(degrees);
             let joint = if north < 0.0 { "-" } else { "+" };
             let formula = format!("({east} * east {joint} {} * north)", north.abs());
-            put("place", formula.into(), Source::Along(degrees), "m");
+            put("place", formula.into(), Source::Along(degrees, toward), "m");
         }
         let own = [("rotor_speed", Source::OwnSpeed), ("rotor_acceleration", Source::OwnAcceleration)];
         for (name, source) in own {
@@ -268,10 +263,9 @@ impl Variable {
         all
     }
 
-    /// One over further columns of the flights.
-    fn of_column(name: &'static str, formula: &'static str, source: Source, unit: &str) -> Self {
-        let span = Span { low: 0.0, high: 0.0 };
-        let (formula, unit) = (formula.into(), unit.to_owned());
+    /// One whose span is not known yet.
+    fn new(name: &'static str, formula: Cow<'static, str>, source: Source, unit: &str) -> Self {
+        let (unit, span) = (unit.to_owned(), Span { low: 0.0, high: 0.0 });
         Self { name, formula, unit, declared: false, source, lags: [None; 4], span }
     }
 }
@@ -317,19 +311,19 @@ fn of_columns() -> Vec<Variable> {
     let mut all = Vec::new();
     for (place, name) in columns.iter().copied().enumerate() {
         let usual = user_effects::usual_unit(name);
-        let variable = Variable::of_column(name, name, Source::Further(place), usual.unwrap_or("1"));
+        let variable = Variable::new(name, name.into(), Source::Further(place), usual.unwrap_or("1"));
         all.push(Variable { declared: usual.is_none(), ..variable });
     }
     let place_of = |name: &str| columns.iter().position(|own| *own == name);
     for (name, formula, quantity, column) in BESIDE_ANOTHER {
         if let (Some(quantity), Some(place)) = (Quantity::named(quantity), place_of(column)) {
-            all.push(Variable::of_column(name, formula, Source::From(quantity, place), "m"));
+            all.push(Variable::new(name, formula.into(), Source::From(quantity, place), "m"));
         }
     }
     if let (Some(north), Some(east)) = (place_of("other_north"), place_of("other_east")) {
         let formula = "sqrt((north - other_north)^2 + (east - other_east)^2)";
         let source = Source::Distance([north, east]);
-        all.push(Variable::of_column("distance to the other craft", formula, source, "m"));
+        all.push(Variable::new("distance to the other craft", formula.into(), source, "m"));
     }
     all
 }

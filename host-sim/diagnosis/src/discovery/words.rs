@@ -150,11 +150,11 @@ pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'
     let grows =
         matches!(family, Family::Growth | Family::HingeAbove | Family::Proportional | Family::Straight);
     let told = match (form.channel, upward) {
-        (Channel::Rotor(..) | Channel::RotorApart(..) | Channel::EachRotor(_), _) => {
-            return physics_of_rotors(form.channel, &names);
-        }
         _ if names.iter().any(|name| name.starts_with("other_") || name.ends_with("the other craft")) => {
             "the downwash of another craft"
+        }
+        (Channel::Rotor(..) | Channel::RotorApart(..) | Channel::EachRotor(_), _) => {
+            return physics_of_rotors(form.channel, &names);
         }
         (_, Some(true)) if on(&["height"]) && fades => {
             "ground effect (Cheeseman and Bennett, ARC R&M 3021, 1955)"

@@ -95,7 +95,7 @@ fn discover_beyond(
             return Err(WorkflowError::Cancelled);
         }
         let found = further.as_ref().unwrap_or(&found);
-        if !found.count() {
+        if !found.are_significant() {
             break;
         }
         match hunt.next_term(&rest.fit.model, found, &terms) {

@@ -94,14 +94,16 @@ impl Plant {
         around: &Surroundings,
     ) -> SampleInput {
         let acceleration = self.lagged_acceleration_rad_s2(rotor, commanded);
-        let input = self.input_with(&Stage::of(state), rotor, acceleration, around);
-        SampleInput { memory: self.memory_of(state), ..input }
+        self.remembering(self.input_with(&Stage::of(state), rotor, acceleration, around), &state.memory)
     }
 
-    /// What the formulas of the model look back at, where any does.
-    #[inline(always)]
-    fn memory_of(&self, state: &State) -> Option<Memory> {
-        (!self.lags.is_empty()).then_some(state.memory)
+    /// With what the formulas of the model look back at, where any does: a memory of theirs, or of a past as the present is.
+    pub fn remembering(&self, input: SampleInput, memory: &Memory) -> SampleInput {
+        if self.lags.is_empty() {
+            return input;
+        }
+        let memory = self.lags.begun(memory, &self.sample_of(&input));
+        SampleInput { memory: Some(memory), ..input }
     }
 
     /// Acceleration of rotors on their way to what is commanded.
@@ -241,8 +243,8 @@ impl Plant {
             let mut stage = start;
             for part in [0.5, 0.5, 1.0, 0.0] {
                 let acceleration = self.lagged_acceleration_rad_s2(&rotor, commanded_rad_s);
-                let mut input = self.input_with(&stage, &rotor, acceleration, around);
-                input.memory = self.memory_of(&state);
+                let input = self.input_with(&stage, &rotor, acceleration, around);
+                let input = self.remembering(input, &state.memory);
                 if let Some(undefined) = self.undefined(&self.sample_of(&input)) {
                     return Some(undefined);
                 }
@@ -316,15 +318,11 @@ impl Plant {
         step_s: f64,
     ) {
         let input = |state: &State, rotor: &[f64; 4]| {
-            let input = self.input_with(&Stage::of(state), rotor, rotor_acceleration(rotor), around);
-            SampleInput { memory: Some(state.memory), ..input }
+            self.input_with(&Stage::of(state), rotor, rotor_acceleration(rotor), around)
         };
-        let mut start = input(state, rotor[0]);
-        if !self.lags.are_in(&state.memory) {
-            state.memory = self.lags.settled(&self.sample_of(&start));
-            start.memory = Some(state.memory);
-        }
-        let (began, before) = (state.memory, self.sample_of(&start));
+        let start = input(state, rotor[0]);
+        let before = self.sample_of(&start);
+        let began = self.lags.begun(&state.memory, &before);
         let held = |time_s: f64| self.lags.after(&began, [&before, &before], time_s);
         let [first, middle, end] = [began, held(0.5 * step_s), held(step_s)]
             .map(|memory| Surroundings { memory: Some(memory), ..*around });

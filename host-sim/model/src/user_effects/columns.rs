@@ -7,9 +7,8 @@ use std::sync::{PoisonError, RwLock};
 
 use crate::quantity::QUANTITIES;
 use crate::sample::MAX_FURTHER;
-use crate::user_effects::arithmetic::FUNCTIONS;
 use crate::user_effects::definition::MAX_NAME;
-use crate::user_effects::scanner::LAG;
+use crate::user_effects::scanner::functions;
 
 /// The column that every flight has by its rows, and none by its file: time since the flight's first row, s.
 pub const TIME_COLUMN: &str = "time";
@@ -42,11 +41,6 @@ pub fn can_be_column(name: &str) -> bool {
 pub(super) fn is_word(name: &str) -> bool {
     let in_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     name.starts_with(|c: char| c.is_ascii_alphabetic()) && name.chars().all(in_word) && name.len() <= MAX_NAME
-}
-
-/// The functions that formulas can call, those of two arguments last.
-pub fn functions() -> impl Iterator<Item = &'static str> {
-    FUNCTIONS.into_iter().chain(["min", "max", "atan2", LAG])
 }
 
 /// Whether a name is that of a function.

@@ -9,7 +9,7 @@
 //! depend on them and it vanishes with them. That is read off its structure (sums of linear terms, linear times free,
 //! linear over free), never off numbers, so a formula called linear is linear.
 //!
-//! Deliberately absent: comparisons, branches, user functions, state.
+//! Deliberately absent: comparisons, branches, user functions, and state but for `lag`, which is a name to the parser.
 
 use exmex::{Express as _, FlatEx, MatchLiteral};
 

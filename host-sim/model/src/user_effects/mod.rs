@@ -37,13 +37,12 @@ mod scanner;
 mod trace;
 mod user;
 
-pub use columns::{
-    TIME_COLUMN, USUAL_COLUMNS, can_be_column, columns, functions, place_of_column, usual_unit,
-};
+pub use columns::{TIME_COLUMN, USUAL_COLUMNS, can_be_column, columns, place_of_column, usual_unit};
 pub use definition::{
     CoefficientDefinition, ColumnDefinition, ConstantDefinition, Definition, MAX_COEFFICIENTS,
     MAX_DEFINITIONS, MAX_EFFECTS, MAX_FILE_BYTES, UserEffectError, file_of,
 };
 pub use effect::UserEffect;
+pub use scanner::functions;
 pub use user::{Undefined, User};
 pub(crate) use user::{all, define, draft, parse, read};

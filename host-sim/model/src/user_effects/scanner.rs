@@ -13,6 +13,11 @@ const OF_TWO: [(&str, &str); 3] = [("min", "&"), ("max", "|"), ("atan2", "@")];
 /// The function that looks back: `lag(quantity, time)`. What it makes has a name of its own, which the parser does not look into.
 pub(super) const LAG: &str = "lag";
 
+/// The functions that formulas can call, those of two arguments last.
+pub fn functions() -> impl Iterator<Item = &'static str> {
+    FUNCTIONS.into_iter().chain(OF_TWO.map(|(name, _)| name)).chain([LAG])
+}
+
 /// Bytes of the number that a text begins with; 0 if it does not.
 pub(super) fn number_length(text: &str) -> usize {
     let bytes = text.as_bytes();
@@ -177,12 +182,8 @@ impl<'a> Scanner<'a> {
                 self.open(Level::PLAIN)
             }
             (None, false, true) => {
-                let two = OF_TWO.map(|(name, _)| name);
-                Err(format!(
-                    "\"{name}\" is not a function; known are {}, {}, {LAG}",
-                    FUNCTIONS.join(", "),
-                    two.join(", ")
-                ))
+                let known = functions().collect::<Vec<_>>().join(", ");
+                Err(format!("\"{name}\" is not a function; known are {known}"))
             }
             _ if name == LAG && self.juxtaposed == Juxtaposed::Refused => {
                 Err(format!("{LAG} is a function; write {LAG}(...)"))
