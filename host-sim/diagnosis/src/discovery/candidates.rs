@@ -6,6 +6,7 @@ use sysid::prepare::Prepared;
 
 use crate::discovery::channels::Channel;
 use crate::discovery::form::Form;
+use crate::discovery::hats::{Bases, Quantities};
 use crate::discovery::phases::{chance_of, of_random_phases};
 use crate::discovery::problem::Problem;
 use crate::discovery::refine::{Refined, refine};
@@ -65,7 +66,8 @@ pub(crate) fn candidates(
     let against = Against::new(&problem, &others);
     let bases: Vec<Form> =
         Channel::all(model).into_iter().map(|channel| Form { channel, factors: Vec::new() }).collect();
-    let search = Search { problem: &problem, variables, observer };
+    let quantities = Quantities::new(&problem, variables);
+    let search = Search { problem: &problem, variables, quantities: &quantities, observer };
     let every: Vec<usize> = (0..variables.len()).filter(|index| variables[*index].is_searched()).collect();
     // A second shape of what is remembered would look back at more than there is room for.
     let present: Vec<usize> =
@@ -73,7 +75,7 @@ pub(crate) fn candidates(
     let steps = every.len() + present.len();
     let mut found: Vec<Scored> = Vec::new();
     let mut by_chance = vec![f64::NEG_INFINITY; RANDOM_PHASES];
-    for one in search.over(&every, (&against, &bases), knots_of, [0, steps]) {
+    for one in search.over(&every, (&against, bases), knots_of, [0, steps]) {
         found.extend(one.best);
         by_chance.iter_mut().zip(one.by_chance).for_each(|(most, one)| *most = most.max(one));
     }
@@ -88,7 +90,7 @@ pub(crate) fn candidates(
     forms.extend(wider(&forms));
     let only = Against::new(&problem, &[]);
     let mut products: Vec<Scored> = Vec::new();
-    for one in search.over(&present, (&only, &bases), |_| KNOTS, [every.len(), steps]) {
+    for one in search.over(&present, (&only, bases), |_| KNOTS, [every.len(), steps]) {
         let is_product = |scored: &Scored| scored.form.variables().len() == scored.form.factors.len();
         products.extend(one.best.into_iter().filter(is_product));
     }
@@ -108,6 +110,7 @@ pub(crate) fn candidates(
 struct Search<'a> {
     problem: &'a Problem<'a>,
     variables: &'a [Variable],
+    quantities: &'a Quantities,
     observer: &'a dyn Observer,
 }
 
@@ -116,17 +119,21 @@ impl Search<'_> {
     fn over(
         &self,
         indices: &[usize],
-        (against, bases): (&Against, &[Form]),
+        (against, bases): (&Against, Vec<Form>),
         knots: impl Fn(&Variable) -> usize + Sync,
         [first, steps]: [usize; 2],
     ) -> Vec<Found> {
         let mut all = Vec::with_capacity(indices.len());
+        let (of_each_rotor, others): (Vec<Form>, Vec<Form>) =
+            bases.into_iter().partition(|form| form.channel.is_each_rotor());
+        let bases = [others, of_each_rotor].map(|forms| Bases::new(self.problem, forms, self.variables));
         for some in indices.chunks(SIDE_BY_SIDE) {
             let progress = Progress { activity: "trying forms", steps: Some((first + all.len(), steps)) };
             self.observer.progress(progress);
             let over = |index: &usize| {
-                let what = (bases, self.variables, *index);
-                over_variable(self.problem, against, what, knots(&self.variables[*index]))
+                let over = (self.variables, *index);
+                let knots = knots(&self.variables[*index]);
+                over_variable(self.problem, against, (&bases, self.quantities), over, knots)
             };
             all.par_extend(some.par_iter().map(over));
         }

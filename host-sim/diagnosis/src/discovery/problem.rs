@@ -117,6 +117,17 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
+    /// The flights.
+    pub(crate) fn prepared(&self) -> impl Iterator<Item = &'a Prepared> {
+        self.flights.iter().map(|flight| flight.prepared)
+    }
+
+    /// Makes values side by side white, row by row of a flight.
+    pub(crate) fn whiten_rows(&self, flight: usize, axis: usize, rows: &mut [f64], width: usize) {
+        let flight = &self.flights[flight];
+        flight.whitening[axis].apply_to_rows(rows, width, &flight.starts, flight.scale[axis]);
+    }
+
     /// A column of each flight, made white, over the rows of all.
     fn white(&self, of_flights: &[RowColumn]) -> White {
         std::array::from_fn(|axis| {

@@ -4,10 +4,12 @@
 //! the residual costs a few products of numbers, so that all of them are tried on the residual and on residuals of random phases.
 
 use nalgebra::{DMatrix, DVector};
+use sysid::fit::times_hats::EvenHats;
 
-use crate::discovery::form::{Factor, Form, Hats};
-use crate::discovery::problem::{Problem, White};
-use crate::discovery::shapes::{Shape, Span};
+use crate::discovery::form::{Factor, Form};
+use crate::discovery::hats::{Bases, CrossProducts, HatRows, Products, Quantities};
+use crate::discovery::problem::Problem;
+use crate::discovery::shapes::Shape;
 use crate::discovery::variables::Variable;
 
 /// Part of a shape's square that the model must leave.
@@ -70,60 +72,51 @@ impl Against {
     }
 }
 
-/// Knots over a span.
-pub(crate) fn knots(span: &Span, count: usize) -> Vec<f64> {
-    (0..count).map(|k| span.low + span.length() * k as f64 / (count - 1) as f64).collect()
-}
-
-/// Cross products of the hats of one base.
-struct Products {
-    /// Of the hats with each other, what the model takes left out.
-    gram: DMatrix<f64>,
-    /// With nothing left out.
-    whole: DMatrix<f64>,
-    /// With the residuals.
-    with_residual: DMatrix<f64>,
-    amplitudes: usize,
-}
-
 /// Tries all shapes of one variable with all bases.
 pub(crate) fn over_variable(
     problem: &Problem<'_>,
     against: &Against,
-    (bases, variables, variable): (&[Form], &[Variable], usize),
+    (bases, quantities): (&[Bases<'_>], &Quantities),
+    (variables, variable): (&[Variable], usize),
     knot_count: usize,
 ) -> Found {
     let mut by_chance = vec![f64::NEG_INFINITY; against.residuals() - 1];
-    let bases: Vec<Form> = bases.iter().filter(|base| base.takes(&variables[variable])).cloned().collect();
-    if bases.is_empty() {
-        return Found { best: Vec::new(), by_chance };
-    }
     let span = variables[variable].span;
-    let knots = knots(&span, knot_count);
-    let hats = Hats { bases: &bases, variables, variable, knots: &knots };
-    let columns = problem.columns(&hats);
-    let shapes = span.shapes();
+    let hats = EvenHats { ends: [span.low, span.high], count: knot_count };
+    let shapes: Vec<(Shape, Vec<f64>)> = span.shapes().into_iter().filter_map(|s| over(s, hats)).collect();
     let mut best = Vec::new();
-    for (index, base) in bases.iter().enumerate() {
-        let first = hats.first(index);
-        let width = knots.len() * base.channel.amplitudes();
-        let products =
-            Products::new(problem.rows, against, &columns[first..first + width], base.channel.amplitudes());
-        let mut scored: Vec<Scored> = Vec::new();
-        for shape in &shapes {
-            let Some(gains) = products.gains(&knots, shape) else { continue };
-            let mut form = base.clone();
-            form.factors.push(Factor { variable, shape: *shape });
-            let count = form.count(variables);
-            let numbers = cost(count, problem.rows);
-            for (most, gain) in by_chance.iter_mut().zip(gains.iter().skip(1)) {
-                *most = most.max(gain - numbers);
+    for bases in bases {
+        let Some((taking, rows)) = HatRows::new(problem, bases, quantities, variable, hats) else { continue };
+        let products = CrossProducts::new(&rows, &against.axes);
+        let mut first = 0;
+        for base in taking.iter() {
+            let parameters = first..first + base.channel.amplitudes();
+            first = parameters.end;
+            let products = Independent::new(products.of(&parameters), against, parameters.len());
+            let mut scored: Vec<Scored> = Vec::new();
+            for (shape, values) in &shapes {
+                let Some(gains) = products.gains(values) else { continue };
+                let mut form = base.clone();
+                form.factors.push(Factor { variable, shape: *shape });
+                let count = form.count(variables);
+                let numbers = cost(count, problem.rows);
+                for (most, gain) in by_chance.iter_mut().zip(gains.iter().skip(1)) {
+                    *most = most.max(gain - numbers);
+                }
+                scored.push(Scored { form, count, gain: gains[0] });
             }
-            scored.push(Scored { form, count, gain: gains[0] });
+            best.extend(best_of_each_family(scored, problem.rows));
         }
-        best.extend(best_of_each_family(scored, problem.rows));
     }
     Found { best, by_chance }
+}
+
+/// A shape with its values on the knots of hats, if it has any.
+fn over(shape: Shape, hats: EvenHats) -> Option<(Shape, Vec<f64>)> {
+    let [low, high] = hats.ends;
+    let knot = |k: usize| low + (high - low) * k as f64 / (hats.count - 1) as f64;
+    let values: Vec<f64> = (0..hats.count).map(|k| shape.at(knot(k))).collect();
+    values.iter().all(|value| value.is_finite()).then_some((shape, values))
 }
 
 /// The best two families, each by its best shape.
@@ -139,42 +132,31 @@ fn best_of_each_family(mut scored: Vec<Scored>, rows: usize) -> Vec<Scored> {
     kept
 }
 
-impl Products {
-    fn new(rows: usize, against: &Against, columns: &[White], amplitudes: usize) -> Self {
-        let width = columns.len();
-        let mut whole = DMatrix::zeros(width, width);
-        let mut products = DMatrix::zeros(width, against.axes[0].ncols());
-        for axis in 0..6 {
-            if columns.iter().all(|column| column[axis].is_none()) {
-                continue;
-            }
-            let mut values = Vec::with_capacity(rows * width);
-            for column in columns {
-                match &column[axis] {
-                    Some(of_axis) => values.extend_from_slice(of_axis),
-                    None => values.extend(std::iter::repeat_n(0.0, rows)),
-                }
-            }
-            let upright = DMatrix::from_vec(rows, width, values);
-            let lying = upright.transpose();
-            whole += &lying * &upright;
-            products += &lying * &against.axes[axis];
-        }
-        let absorbed = products.columns(0, against.taken);
+/// Cross products of the hats of one base.
+struct Independent {
+    /// Of the hats with each other, what the model takes left out.
+    gram: DMatrix<f64>,
+    /// With nothing left out.
+    whole: DMatrix<f64>,
+    /// With the residuals.
+    with_residual: DMatrix<f64>,
+    amplitudes: usize,
+}
+
+impl Independent {
+    fn new(products: Products, against: &Against, amplitudes: usize) -> Self {
+        let Products { gram: whole, against: with } = products;
+        let absorbed = with.columns(0, against.taken);
         let gram = &whole - absorbed * absorbed.transpose();
-        let with_residual = products.columns(against.taken, against.residuals()).into_owned();
+        let with_residual = with.columns(against.taken, against.residuals()).into_owned();
         Self { gram, whole, with_residual, amplitudes }
     }
 
     /// What a shape takes of each residual; nothing where the model takes the shape itself.
-    fn gains(&self, knots: &[f64], shape: &Shape) -> Option<DVector<f64>> {
-        let d = self.amplitudes;
-        let values: Vec<f64> = knots.iter().map(|x| shape.at(*x)).collect();
-        if !values.iter().all(|value| value.is_finite()) {
-            return None;
-        }
-        let weights =
-            DMatrix::from_fn(self.gram.nrows(), d, |row, k| if row % d == k { values[row / d] } else { 0.0 });
+    fn gains(&self, values: &[f64]) -> Option<DVector<f64>> {
+        let (d, hats) = (self.amplitudes, values.len());
+        let weight = |row: usize, k: usize| if row / hats == k { values[row % hats] } else { 0.0 };
+        let weights = DMatrix::from_fn(self.gram.nrows(), d, weight);
         let square = weights.tr_mul(&(&self.gram * &weights));
         let whole = weights.tr_mul(&(&self.whole * &weights));
         if (0..d).any(|k| {

@@ -52,6 +52,23 @@ impl Whitening {
         white
     }
 
+    /// The same for signals side by side, `width` values to a row, times `scale`.
+    pub(crate) fn apply_to_rows(&self, rows: &mut [f64], width: usize, starts: &[usize], scale: f64) {
+        if width == 0 {
+            return;
+        }
+        let count = rows.len() / width;
+        for (index, &start) in starts.iter().enumerate() {
+            let end = starts.get(index + 1).copied().unwrap_or(count);
+            // From the last to the first, so that what a row is predicted from is still as it was.
+            for row in (start..end).rev() {
+                let (a, variance) = &self.orders[(row - start).min(ORDER)];
+                let (past, ahead) = rows.split_at_mut(row * width);
+                take_out_predicted(&mut ahead[..width], past, a, scale / variance.sqrt());
+            }
+        }
+    }
+
     /// Logarithm of the variances of the predictions over pieces of rows, but for what long pieces have in common per row.
     fn log_variance(&self, starts: &[usize], rows: usize) -> f64 {
         let mut sum = 0.0;
@@ -61,6 +78,15 @@ impl Whitening {
         }
         sum
     }
+}
+
+/// Takes out of a row what those before it predict, the nearest at the end of `past`; the rest times `scale`.
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+fn take_out_predicted(row: &mut [f64], past: &[f64], a: &[f64], scale: f64) {
+    for (a, before) in a.iter().zip(past.rchunks_exact(row.len())) {
+        row.iter_mut().zip(before).for_each(|(value, before)| *value -= a * before);
+    }
+    row.iter_mut().for_each(|value| *value *= scale);
 }
 
 /// Autocovariance at multiples of `stride` samples of unit white noise behind taps.
@@ -131,6 +157,21 @@ mod tests {
         let white = whitening.apply(&[1.0, 0.5, 0.25, 1.0, 0.5], &[0, 3]);
         let expected = [1.0, 0.0, 0.0, 1.0, 0.0];
         assert!(white.iter().zip(expected).all(|(w, e)| (w - e).abs() < 1e-12), "{white:?}");
+    }
+
+    #[test]
+    fn signals_side_by_side_become_what_each_becomes_by_itself() {
+        let covariance: Vec<f64> = (0..=ORDER).map(|lag| 0.7_f64.powi(lag as i32)).collect();
+        let whitening = Whitening::new(&covariance);
+        let signal = |k: usize| (0..40).map(|row| (0.1 * (row * row + 3 * k) as f64).sin()).collect();
+        let signals: [Vec<f64>; 3] = std::array::from_fn(signal);
+        let mut rows: Vec<f64> = (0..40).flat_map(|row| signals.each_ref().map(|s| s[row])).collect();
+        whitening.apply_to_rows(&mut rows, 3, &[0, 17], 2.0);
+        for (k, signal) in signals.iter().enumerate() {
+            let white = whitening.apply(signal, &[0, 17]);
+            let own = rows.iter().skip(k).step_by(3);
+            assert!(own.zip(white).all(|(row, white)| (row - 2.0 * white).abs() < 1e-12));
+        }
     }
 
     /// Behind (1, -1), unit white noise has the variance 2 and is the opposite of its neighbours by half.

@@ -32,6 +32,7 @@ pub mod slung_load;
 pub mod starts;
 pub mod swing;
 pub mod terms;
+pub mod times_hats;
 pub mod trim;
 mod undefined;
 mod unloaded;
