@@ -215,7 +215,46 @@ impl Unit {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
+    use model::user_effects::file_of;
+    use model::{Axis, MotorMapKind};
+
     use super::*;
+    use crate::discovery::channels::Channel;
+    use crate::discovery::shapes::{Family, Shape};
+    use crate::testing::{ORDINARY, fly, truth};
+
+    /// Over every variable that flights have, with rotor speeds and with commands in their place, a form is an effect that users could
+    /// have written.
+    #[test]
+    fn a_form_over_any_variable_is_an_effect_of_users() {
+        crate::workflow::prepare_to_discover();
+        let flown = fly(&truth(), 1, 6.0, &ORDINARY);
+        let mut by_command = truth();
+        let motors = &mut by_command.vehicle.motors;
+        (motors.map, motors.command, motors.voltage, motors.offset) =
+            (Some(MotorMapKind::Identify), None, None, None);
+        for model in [truth(), by_command] {
+            let flight = sysid::Prepared::new(&flown, &model.vehicle).unwrap();
+            let variables = Variable::all(&[&flight], &model);
+            assert!(variables.len() > 80);
+            for variable in 0..variables.len() {
+                let own = variables[variable].is_own();
+                let each = Channel::all(&truth()).into_iter().find(|channel| channel.is_each_rotor());
+                let channel = if own { each.unwrap() } else { Channel::Body(Axis::W) };
+                for family in [Family::Proportional, Family::Growth] {
+                    let shape = Shape { family, parameters: [0.3, 1.2] };
+                    let form = Form { channel, factors: vec![Factor { variable, shape }] };
+                    let term = Refined { form, amplitudes: vec![0.1], gain_left_out: 0.0, improved: 0 };
+                    let defined = define("form", "A form.".into(), &[term], &variables);
+                    let file = file_of(vec![defined.definition]);
+                    let drafted = model::effects::draft(&file, Path::new("test"));
+                    assert!(drafted.is_ok(), "{drafted:?}: {file}");
+                }
+            }
+        }
+    }
 
     #[test]
     fn names_are_not_given_twice() {

@@ -27,9 +27,10 @@ pub(crate) enum Family {
     Edge,
     /// tanh(x / a).
     Saturation,
-    /// exp(-x / a).
+    /// exp(-(x - b) / a), b held at the bottom of where x goes: the amplitude is what there is there. At zero, which may be far away, it would
+    /// be a guess.
     Decay,
-    /// exp(x / a).
+    /// exp((x - b) / a), b held at the top in the same way.
     Growth,
     /// 1 / (x + a)^2.
     InverseSquare,
@@ -88,6 +89,8 @@ impl Family {
     pub(crate) const fn held(self) -> Option<&'static str> {
         match self {
             Self::Edge => Some("within"),
+            Self::Decay => Some("bottom"),
+            Self::Growth => Some("top"),
             _ => None,
         }
     }
@@ -123,8 +126,8 @@ impl Family {
             Self::HingeBelow => (a - x).max(0.0),
             Self::Step | Self::Edge => 0.5 + 0.5 * ((x - a) / b).tanh(),
             Self::Saturation => (x / a).tanh(),
-            Self::Decay => (-x / a).exp(),
-            Self::Growth => (x / a).exp(),
+            Self::Decay => (-(x - b) / a).exp(),
+            Self::Growth => ((x - b) / a).exp(),
             Self::InverseSquare => (x + a).powi(-2),
             Self::Bump => (-0.5 * ((x - a) / b).powi(2)).exp(),
             Self::Wave => (std::f64::consts::TAU * (x - a) / b).cos(),
@@ -146,8 +149,8 @@ impl Family {
             Self::HingeBelow => format!("max(0, {a} - {x})"),
             Self::Step | Self::Edge => format!("(1 + tanh(({x} - {a}) / {b})) / 2"),
             Self::Saturation => format!("tanh({x} / {a})"),
-            Self::Decay => format!("exp(-{x} / {a})"),
-            Self::Growth => format!("exp({x} / {a})"),
+            Self::Decay => format!("exp(-({x} - {b}) / {a})"),
+            Self::Growth => format!("exp(({x} - {b}) / {a})"),
             Self::InverseSquare => format!("({x} + {a})^(-2)"),
             Self::Bump => format!("exp(-(({x} - {a}) / {b})^2 / 2)"),
             Self::Wave => format!("cos(2 * pi * ({x} - {a}) / {b})"),
@@ -236,7 +239,8 @@ impl Span {
                 }
                 Family::Saturation => (),
                 Family::Decay | Family::Growth => {
-                    lengths(&[0.08, 0.15, 0.3, 0.6, 1.2]).for_each(|decay| put(decay, 0.0));
+                    let end = if family == Family::Decay { self.low } else { self.high };
+                    lengths(&[0.08, 0.15, 0.3, 0.6, 1.2]).for_each(|decay| put(decay, end));
                 }
                 Family::InverseSquare if self.low >= 0.0 => {
                     lengths(&[0.03, 0.1, 0.25, 0.5, 1.0]).for_each(|beyond| put(beyond, 0.0));

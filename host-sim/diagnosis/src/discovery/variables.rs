@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use model::{Followed, Lag, LagId, Quantity, Sample, user_effects};
+use model::{Followed, Lag, LagId, Quantity, RotorQuantity, Sample, user_effects};
 use sysid::prepare::Prepared;
 
 use crate::discovery::shapes::Span;
@@ -38,7 +38,10 @@ pub(crate) struct Variable {
     pub(crate) name: &'static str,
     /// How formulas spell it, but for what each rotor has and what is remembered.
     formula: Cow<'static, str>,
+    /// As definitions of effects have it: rad/s for rotor speeds, even where commands stand in for them.
     pub(crate) unit: String,
+    /// Its unit in commands, where these stand in for rotor speeds.
+    in_commands: Option<&'static str>,
     /// Further column that a definition has to declare.
     pub(crate) declared: bool,
     source: Source,
@@ -189,6 +192,11 @@ impl Variable {
         }
     }
 
+    /// Its unit for people.
+    pub(crate) fn unit_for_people(&self) -> &str {
+        self.in_commands.unwrap_or(&self.unit)
+    }
+
     /// Whether every form is tried over it; the best are tried over the others besides ([`Self::relatives`]).
     pub(crate) fn is_searched(&self) -> bool {
         match self.source {
@@ -232,13 +240,9 @@ impl Variable {
         let mut put = |name, formula: Cow<'static, str>, source, unit: &str| {
             all.push(Self::new(name, formula, source, unit));
         };
-        for name in PLAIN.into_iter().chain(["vbat"]) {
+        for (name, formula) in PLAIN.into_iter().chain(["vbat"]).map(|name| (name, name)).chain(SPELT) {
             let Some(quantity) = Quantity::named(name) else { continue };
-            put(name, name.into(), Source::Quantity(quantity), quantity.unit_for(rotors));
-        }
-        for (name, formula) in SPELT {
-            let Some(quantity) = Quantity::named(name) else { continue };
-            put(name, formula.into(), Source::Quantity(quantity), quantity.unit_for(rotors));
+            put(name, formula.into(), Source::Quantity(quantity), quantity.unit);
         }
         if let Some(psi) = Quantity::named("psi") {
             put("sine of the heading", "sin(psi)".into(), Source::Sine(psi), "1");
@@ -254,7 +258,13 @@ impl Variable {
         let own = [("rotor_speed", Source::OwnSpeed), ("rotor_acceleration", Source::OwnAcceleration)];
         for (name, source) in own {
             let Some(quantity) = Quantity::named(name) else { continue };
-            put(name, name.into(), source, quantity.unit_for(rotors));
+            put(name, name.into(), source, quantity.unit);
+        }
+        if rotors == RotorQuantity::Command {
+            all.iter_mut().for_each(|variable| {
+                variable.in_commands =
+                    Quantity::named(variable.name).and_then(|quantity| quantity.unit_in_commands);
+            });
         }
         all.extend(of_columns());
         find_spans(&mut all, flights, model);
@@ -266,7 +276,7 @@ impl Variable {
     /// One whose span is not known yet.
     fn new(name: &'static str, formula: Cow<'static, str>, source: Source, unit: &str) -> Self {
         let (unit, span) = (unit.to_owned(), Span { low: 0.0, high: 0.0 });
-        Self { name, formula, unit, declared: false, source, lags: [None; 4], span }
+        Self { name, formula, unit, in_commands: None, declared: false, source, lags: [None; 4], span }
     }
 }
 

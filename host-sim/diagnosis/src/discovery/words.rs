@@ -1,6 +1,7 @@
 //! A form in plain English: what acts, on what it depends and how, how strong it is, and which known physics behaves so.
 
 use model::Axis;
+use model::user_effects::{ConstantDefinition, Definition};
 use report::number::significant;
 
 use crate::discovery::channels::Channel;
@@ -92,7 +93,8 @@ fn directed(channel: Channel, amount: f64) -> String {
 fn shape_words(form: &Form, index: usize, variables: &[Variable]) -> String {
     let factor = &form.factors[index];
     let variable = &variables[factor.variable];
-    let (name, unit) = (variable.called(), if variable.unit == "1" { "" } else { &variable.unit });
+    let unit = Some(variable.unit_for_people()).filter(|unit| *unit != "1").unwrap_or_default();
+    let name = variable.called();
     let value = |k: usize| {
         let value = number(form.value((index, k)));
         if unit.is_empty() { value } else { format!("{value} {unit}") }
@@ -117,9 +119,43 @@ fn shape_words(form: &Form, index: usize, variables: &[Variable]) -> String {
     }
 }
 
-/// The formula of a form with its numbers left as names: one row after the other.
-pub(crate) fn formula(rows: &std::collections::BTreeMap<String, String>) -> String {
-    rows.iter().map(|(row, text)| format!("{row}: {text}")).collect::<Vec<_>>().join("; ")
+/// The formula of an effect with what is fitted left as names, and what is held as numbers: one row after the other.
+pub(crate) fn formula(definition: &Definition) -> String {
+    let row =
+        |(row, text): (&String, &String)| format!("{row}: {}", with_numbers(text, &definition.constant));
+    definition.acceleration.iter().map(row).collect::<Vec<_>>().join("; ")
+}
+
+/// A formula with numbers in place of constants.
+fn with_numbers(text: &str, constants: &[ConstantDefinition]) -> String {
+    let is_of_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
+    let mut told = String::new();
+    let mut rest = text;
+    while let Some(next) = rest.chars().next() {
+        let length = rest.find(|c| !is_of_word(c)).unwrap_or(rest.len()).max(next.len_utf8());
+        let (word, after) = rest.split_at(length);
+        rest = after;
+        match constants.iter().find(|constant| constant.name == word) {
+            Some(constant) => push_number(&mut told, constant.value),
+            None => told.push_str(word),
+        }
+    }
+    told
+}
+
+/// Appends a number to a formula; what is less than zero turns the sign before it.
+fn push_number(formula: &mut String, value: f64) {
+    // Five digits, without the zeros that would tell a precision.
+    let number = format!("{:.4e}", value.abs()).parse::<f64>().unwrap_or(value.abs());
+    if value < 0.0 {
+        let (kept, sign) = [(" - ", " + "), (" + ", " - "), ("-", "")]
+            .into_iter()
+            .find_map(|(own, other)| Some((formula.strip_suffix(own)?.len(), other)))
+            .unwrap_or((formula.len(), "-"));
+        formula.truncate(kept);
+        formula.push_str(sign);
+    }
+    formula.push_str(&number.to_string());
 }
 
 /// A form in short, to tell rivals apart.
@@ -226,7 +262,15 @@ pub(crate) fn to_fly(form: &Form, rivals: &[Form], variables: &[Variable]) -> St
     let flown: Vec<String> = own
         .iter()
         .map(|index| &variables[*index])
-        .map(|v| format!("{} {} to {} {}", v.called(), number(v.span.low), number(v.span.high), v.unit))
+        .map(|v| {
+            format!(
+                "{} {} to {} {}",
+                v.called(),
+                number(v.span.low),
+                number(v.span.high),
+                v.unit_for_people()
+            )
+        })
         .collect();
     format!("fly another pattern over a wider range (flown: {})", flown.join(", "))
 }
@@ -256,13 +300,33 @@ mod tests {
         assert!(known_physics(&down, &height).unwrap().contains("magnet"));
         let up = term(Channel::Thrust, Family::Decay, 0.004);
         assert!(
-            sentence(&up, &height, 0.02).starts_with("Extra thrust, up to 15.6 % of the thrust, decaying")
+            sentence(&up, &height, 0.02).starts_with("Extra thrust, up to 20.0 % of the thrust, decaying")
         );
         assert!(known_physics(&up, &height).unwrap().starts_with("ground effect"));
         assert_eq!(
             known_physics(&term(Channel::Thrust, Family::Growth, -0.004), &height),
             Some("a tether or a cord")
         );
+    }
+
+    #[test]
+    fn what_is_held_stands_in_formulas_as_a_number() {
+        let constants = [("top", -1.25), ("memory", 0.4), ("roll1", -0.03125), ("bottom", 0.074_112_6)]
+            .map(|(name, value)| ConstantDefinition { name: name.into(), unit: "1".into(), value });
+        for (text, expected) in [
+            ("k * exp((north - top) / decay_top)", "k * exp((north + 1.25) / decay_top)"),
+            (
+                "roll1 * omega1^2 * k + roll1 * lag(w, memory)",
+                "-0.03125 * omega1^2 * k - 0.03125 * lag(w, 0.4)",
+            ),
+            ("-roll1 * k", "0.03125 * k"),
+            (
+                "-thrust * k * exp(-(height - bottom) / decay)",
+                "-thrust * k * exp(-(height - 0.074113) / decay)",
+            ),
+        ] {
+            assert_eq!(with_numbers(text, &constants), expected);
+        }
     }
 
     #[test]

@@ -257,7 +257,7 @@ impl Hunt<'_> {
         let proposal = Proposal {
             id: id.to_owned(),
             axes,
-            formula: formula(&defined.definition.acceleration),
+            formula: formula(&defined.definition),
             quantities: names,
             sentence,
             physics: known_physics(&fitted[0], variables),

@@ -19,28 +19,33 @@ pub(super) trait Arithmetic: Clone + Debug + Default + FromStr {
     fn root(self) -> Self;
     fn absolute(self) -> Self;
     fn sign(self) -> Self;
+    fn step(self) -> Self;
     fn of_pure(self, function: &'static str, f: fn(f64) -> f64) -> Self;
 }
 
 /// Functions of one argument. Those from `sin` on take pure numbers only.
-pub(super) const FUNCTIONS: [&str; 13] =
-    ["sqrt", "abs", "sign", "sin", "cos", "tan", "asin", "acos", "atan", "tanh", "exp", "ln", "log10"];
+pub(super) const FUNCTIONS: [&str; 14] = [
+    "sqrt", "abs", "sign", "step", "sin", "cos", "tan", "asin", "acos", "atan", "tanh", "exp", "ln", "log10",
+];
 fn operators<T: Arithmetic>() -> Vec<Operator<'static, T>> {
-    let binary = |text, priority, is_commutative, apply| {
-        Operator::make_bin(text, BinOp { apply, prio: priority, is_commutative })
+    // Of commutative operators the library takes two numbers side by side first, and with the second operator the function that stands
+    // around all: sin(a * 2 * 3) would be a * sin(2 * 3).
+    let binary = |text, priority, apply| {
+        Operator::make_bin(text, BinOp { apply, prio: priority, is_commutative: false })
     };
     vec![
-        binary("+", 0, true, T::add),
-        binary("-", 1, false, T::subtract),
-        binary("*", 2, true, T::multiply),
-        binary("/", 3, false, T::divide),
-        binary("^", 4, false, T::power),
-        binary("&", 5, true, T::minimum),
-        binary("|", 5, true, T::maximum),
-        binary("@", 5, false, T::angle),
+        binary("+", 0, T::add),
+        binary("-", 1, T::subtract),
+        binary("*", 2, T::multiply),
+        binary("/", 3, T::divide),
+        binary("^", 4, T::power),
+        binary("&", 5, T::minimum),
+        binary("|", 5, T::maximum),
+        binary("@", 5, T::angle),
         Operator::make_unary("sqrt", T::root),
         Operator::make_unary("abs", T::absolute),
         Operator::make_unary("sign", T::sign),
+        Operator::make_unary("step", T::step),
         Operator::make_unary("sin", |x| x.of_pure("sin", f64::sin)),
         Operator::make_unary("cos", |x| x.of_pure("cos", f64::cos)),
         Operator::make_unary("tan", |x| x.of_pure("tan", f64::tan)),
@@ -98,6 +103,13 @@ impl Arithmetic for f64 {
     }
     fn sign(self) -> Self {
         if self == 0.0 { 0.0 } else { self.signum() }
+    }
+    fn step(self) -> Self {
+        match self {
+            x if x.is_nan() => x,
+            x if x >= 0.0 => 1.0,
+            _ => 0.0,
+        }
     }
     fn of_pure(self, _: &'static str, f: fn(f64) -> f64) -> Self {
         f(self)

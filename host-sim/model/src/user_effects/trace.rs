@@ -89,6 +89,15 @@ impl Traced {
             Ok(Trace { dimension, entry, value: a.known(&b, f) })
         })
     }
+
+    /// A pure number of a value of any unit.
+    fn pure(self, f: fn(f64) -> f64) -> Self {
+        Self(self.0.map(|a| Trace {
+            dimension: Dimension::NONE,
+            entry: unless_free(a.entry, Entry::Free),
+            value: a.value.map(f),
+        }))
+    }
 }
 
 fn sum_of(a: Entry, b: Entry) -> Entry {
@@ -166,11 +175,10 @@ impl Arithmetic for Traced {
         }))
     }
     fn sign(self) -> Self {
-        Self(self.0.map(|a| Trace {
-            dimension: Dimension::NONE,
-            entry: unless_free(a.entry, Entry::Free),
-            value: a.value.map(Arithmetic::sign),
-        }))
+        self.pure(Arithmetic::sign)
+    }
+    fn step(self) -> Self {
+        self.pure(Arithmetic::step)
     }
     fn of_pure(self, function: &'static str, f: fn(f64) -> f64) -> Self {
         Self(self.0.and_then(|a| {

@@ -15,7 +15,9 @@ use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
-use crate::checks::{bench, channels, command_clock, gyro, imu, interpolated, motors, under_sampled};
+use crate::checks::{
+    bench, channels, coarse_commands, command_clock, gyro, imu, interpolated, motors, under_sampled,
+};
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight, Mend, StandIn};
 
@@ -50,6 +52,8 @@ pub enum FaultKind {
     Interpolated,
     /// Commands that change between two rows of the log.
     UnderSampled,
+    /// Commands that were rounded to coarse steps.
+    CoarseCommands,
     /// Columns that were not logged, and what stands in for them.
     NotLogged,
     /// No position, and with it no speed through the air.
@@ -92,6 +96,7 @@ impl FaultKind {
             Self::NotAirborne => "not-airborne",
             Self::Interpolated => "interpolated",
             Self::UnderSampled => "under-sampled",
+            Self::CoarseCommands => "coarse-commands",
             Self::NotLogged => "not-logged",
             Self::NoPosition => "no-position",
             Self::WindBetweenFlights => "wind-between-flights",
@@ -247,6 +252,9 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     interpolated.iter().for_each(|one| {
         found.add(FaultKind::Interpolated, Severity::Warning, one.sentence());
     });
+    if let Some(sentence) = coarse_commands::check(&flight, vehicle) {
+        found.add(FaultKind::CoarseCommands, Severity::Warning, sentence);
+    }
     let mut prepared = Prepared::with_standing(&flight, vehicle, standing)?;
     let mut clocks = Clocks::default();
     let mut frame = frames::check(&prepared, vehicle);
@@ -408,8 +416,9 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 22] = [
+    const KINDS: [FaultKind; 23] = [
         FaultKind::GyroFault,
+        FaultKind::CoarseCommands,
         FaultKind::ClockOffset,
         FaultKind::ClockSkew,
         FaultKind::WanderingClock,

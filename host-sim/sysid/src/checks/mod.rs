@@ -4,6 +4,7 @@ pub mod airborne;
 mod bench;
 pub mod channels;
 pub mod clocks;
+pub mod coarse_commands;
 pub mod command_clock;
 mod examine;
 mod frame_hypotheses;
