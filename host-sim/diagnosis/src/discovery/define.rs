@@ -256,6 +256,28 @@ mod tests {
         }
     }
 
+    /// The most that terms of a formula can name: what each rotor has of its own, by two shapes with all of their parameters.
+    #[test]
+    fn terms_that_act_on_each_rotor_join_in_one_effect() {
+        let flown = fly(&truth(), 1, 6.0, &ORDINARY);
+        let flight = sysid::Prepared::new(&flown, &truth().vehicle).unwrap();
+        let variables = Variable::all(&[&flight], &truth());
+        let channel = Channel::all(&truth()).into_iter().find(|channel| channel.is_each_rotor()).unwrap();
+        let own: Vec<usize> = (0..variables.len()).filter(|k| variables[*k].is_own()).collect();
+        let shape = |family| Shape { family, parameters: [0.3, 1.2] };
+        let term = |k: usize, families: [Family; 2]| {
+            let factors = families.map(|family| Factor { variable: own[k], shape: shape(family) }).into();
+            let form = Form { channel, factors };
+            Refined { form, amplitudes: vec![0.1], gain_left_out: 0.0, improved: 0 }
+        };
+        let last = own.len() - 1;
+        let terms =
+            [term(last, [Family::Bump, Family::Decay]), term(last - 1, [Family::Step, Family::Growth])];
+        let file = file_of(vec![define("form", "Terms.".into(), &terms, &variables).definition]);
+        let checked = model::effects::check(&file, Path::new("test"));
+        assert!(checked.is_ok(), "{checked:?}: {file}");
+    }
+
     #[test]
     fn names_are_not_given_twice() {
         let mut names = Names { taken: Vec::new() };

@@ -6,7 +6,7 @@
 
 use std::path::Path;
 
-use model::user_effects::{MAX_COEFFICIENTS, USUAL_COLUMNS, file_of, place_of_column};
+use model::user_effects::{USUAL_COLUMNS, file_of, place_of_column};
 use model::{Axis, Effect, Model, PerAxis, effects};
 use sysid::{Fit, FitError};
 
@@ -148,11 +148,15 @@ impl Hunt<'_> {
     fn next_term(&self, about: &Model, found: &Candidates, terms: &[Refined]) -> Next {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
         let id = format!("discovered-term-{}", terms.len() + 1);
-        let room = MAX_COEFFICIENTS.saturating_sub(terms.iter().map(|term| term.form.coefficients()).sum());
         let mut refused: Option<String> = None;
         let mut asked: Vec<Axis> = Vec::new();
-        let has_room = |chosen: &&Refined| chosen.form.coefficients() <= room;
-        for chosen in ranked(&found.refined, self.variables).into_iter().filter(has_room).take(FITTED) {
+        // All terms together become one effect of users, which has its limits.
+        let joins = |chosen: &&Refined| {
+            let all: Vec<Refined> = terms.iter().chain([*chosen]).cloned().collect();
+            let joint = define(&id, "Terms.".into(), &all, self.variables);
+            effects::check(&file_of(vec![joint.definition]), Path::new(HERE)).is_ok()
+        };
+        for chosen in ranked(&found.refined, self.variables).into_iter().filter(joins).take(FITTED) {
             // The flights held out are asked once of each axis.
             if chosen.form.channel.axes().iter().any(|axis| asked.contains(axis)) {
                 continue;

@@ -147,6 +147,11 @@ pub fn draft(text: &str, path: &Path) -> Result<Vec<User>, UserEffectError> {
     user_effects::draft(text, path, &taken())
 }
 
+/// Checks the text of a file of effects as [`draft`] does, and keeps nothing.
+pub fn check(text: &str, path: &Path) -> Result<(), UserEffectError> {
+    user_effects::parse(text, path, &taken()).map(drop)
+}
+
 /// Checks a definition and makes it known; `path` is for messages.
 pub(crate) fn define(definition: Definition, path: &Path) -> Result<Effect, UserEffectError> {
     user_effects::define(definition, path, &taken()).map(Effect::User)

@@ -88,7 +88,7 @@ impl RowFormula {
 }
 
 /// Most different names in one formula.
-pub(super) const MAX_NAMES: usize = 24;
+pub(super) const MAX_NAMES: usize = 40;
 
 pub(super) fn rows_known() -> String {
     let axes = AXES.map(Axis::name).join(", ");
