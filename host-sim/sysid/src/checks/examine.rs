@@ -248,13 +248,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     if let Some(masked) = masked {
         flight = Cow::Owned(masked);
     }
-    let interpolated = interpolated::check(&flight);
-    interpolated.iter().for_each(|one| {
-        found.add(FaultKind::Interpolated, Severity::Warning, one.sentence());
-    });
-    if let Some(sentence) = coarse_commands::check(&flight, vehicle) {
-        found.add(FaultKind::CoarseCommands, Severity::Warning, sentence);
-    }
+    let is_interpolated = tell_rewritten(&flight, vehicle, &mut found);
     let mut prepared = Prepared::with_standing(&flight, vehicle, standing)?;
     let mut clocks = Clocks::default();
     let mut frame = frames::check(&prepared, vehicle);
@@ -286,7 +280,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
         add_frame(fault, &mut found);
     }
     prepared.notes.iter().for_each(|note| found.add(FaultKind::Gaps, Severity::Note, note));
-    prepared.is_interpolated = !interpolated.is_empty();
+    prepared.is_interpolated = is_interpolated;
     // Of what is refused there is one at most: motors are looked at in right frames only.
     let mut faults = found.faults;
     faults.iter_mut().filter(|f| f.severity == Severity::Refused).for_each(|f| f.mend.clone_from(&mend));
@@ -325,6 +319,18 @@ fn tell_channels(channels: channels::Channels, found: &mut Found) -> Option<Flig
         lies.into_iter().for_each(|lie| found.add_at(kind, severity, lie.sentence, lie.places_s));
     }
     channels.masked
+}
+
+/// Says which columns a logger interpolated or rounded. Whether it interpolated any.
+fn tell_rewritten(flight: &Flight, vehicle: &Vehicle, found: &mut Found) -> bool {
+    let interpolated = interpolated::check(flight);
+    for one in &interpolated {
+        found.add(FaultKind::Interpolated, Severity::Warning, one.sentence());
+    }
+    if let Some(sentence) = coarse_commands::check(flight, vehicle) {
+        found.add(FaultKind::CoarseCommands, Severity::Warning, sentence);
+    }
+    !interpolated.is_empty()
 }
 
 /// Says what was not logged, and what cannot be told without it.
