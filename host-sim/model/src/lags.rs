@@ -114,7 +114,7 @@ impl Lags {
     }
 
     /// A memory that is one of these lags; where it is of nothing yet, what is remembered after a past as in a sample.
-    pub fn begun(&self, memory: &Memory, sample: &Sample) -> Memory {
+    pub(crate) fn begun(&self, memory: &Memory, sample: &Sample) -> Memory {
         let is_begun = self.all.iter().zip(memory.lags).all(|((id, _), own)| id.0 == own);
         if is_begun { *memory } else { self.settled(sample) }
     }

@@ -116,8 +116,8 @@ impl Terms for TimesHats<'_> {
     }
 
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        let places: [f64; 4] =
-            std::array::from_fn(|rotor| self.hats.place(self.variable.of_rotor(sample, rotor)));
+        let of = |rotor: usize| self.hats.place(self.variable.of_rotor(sample, rotor));
+        let places = if self.variable.is_own() { std::array::from_fn(of) } else { [of(0); 4] };
         let mut first = 0;
         for base in &self.bases.forms {
             let scale = base.at(self.bases.variables, sample);

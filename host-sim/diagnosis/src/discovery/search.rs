@@ -113,9 +113,7 @@ pub(crate) fn over_variable(
 
 /// A shape with its values on the knots of hats, if it has any.
 fn over(shape: Shape, hats: EvenHats) -> Option<(Shape, Vec<f64>)> {
-    let [low, high] = hats.ends;
-    let knot = |k: usize| low + (high - low) * k as f64 / (hats.count - 1) as f64;
-    let values: Vec<f64> = (0..hats.count).map(|k| shape.at(knot(k))).collect();
+    let values: Vec<f64> = (0..hats.count).map(|k| shape.at(hats.knot(k))).collect();
     values.iter().all(|value| value.is_finite()).then_some((shape, values))
 }
 

@@ -52,7 +52,7 @@ pub(crate) struct Variable {
 }
 
 /// Quantities that formulas name by themselves.
-const PLAIN: [&str; 21] = [
+const PLAIN: [&str; 22] = [
     "height",
     "north",
     "east",
@@ -74,6 +74,7 @@ const PLAIN: [&str; 21] = [
     "omega2",
     "omega3",
     "omega4",
+    "vbat",
 ];
 
 /// Quantities that formulas spell out.
@@ -240,7 +241,7 @@ impl Variable {
         let mut put = |name, formula: Cow<'static, str>, source, unit: &str| {
             all.push(Self::new(name, formula, source, unit));
         };
-        for (name, formula) in PLAIN.into_iter().chain(["vbat"]).map(|name| (name, name)).chain(SPELT) {
+        for (name, formula) in PLAIN.map(|name| (name, name)).into_iter().chain(SPELT) {
             let Some(quantity) = Quantity::named(name) else { continue };
             put(name, formula.into(), Source::Quantity(quantity), quantity.unit);
         }

@@ -15,7 +15,7 @@ const LONGEST_GAP_S: f64 = 3600.0;
 const SLOWEST_ROTOR_RAD_S: f64 = 10.0;
 
 const COMMANDS: [Column; 4] = [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4];
-const SPEEDS: [Column; 4] = [Column::Omega1, Column::Omega2, Column::Omega3, Column::Omega4];
+pub(super) const SPEEDS: [Column; 4] = [Column::Omega1, Column::Omega2, Column::Omega3, Column::Omega4];
 
 /// Refuses a gap over an hour between two rows that are asked for.
 pub(super) fn refuse_long_gaps(t: &[f64], asked: &[bool]) -> Result<(), PrepareError> {

@@ -13,7 +13,7 @@ use flights::{COLUMNS, Column, Flight, median_step};
 
 const POSE: [Column; 6] = [Column::X, Column::Y, Column::Z, Column::Phi, Column::Theta, Column::Psi];
 const GYRO: [Column; 3] = [Column::P, Column::Q, Column::R];
-const COMMANDS: [Column; 4] = [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4];
+pub(super) const COMMANDS: [Column; 4] = [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4];
 
 /// Equal samples in a row from which a stream is frozen, as time, s, and as samples.
 const FROZEN_S: f64 = 0.12;

@@ -7,6 +7,8 @@ use flights::{Column, Flight};
 use model::{RotorMap, Vehicle};
 use report::number::{fixed, significant};
 
+use crate::checks::bench::SPEEDS;
+use crate::checks::channels::COMMANDS;
 use crate::statistics::{mean, median};
 
 /// Part of a motor's thrust that a step must be worth: less than that is hidden by the noise of good sensors.
@@ -18,11 +20,9 @@ const MOST_LEVELS: usize = 1000;
 /// Part of a step by which levels may be off the even ladder: a text has a few digits.
 const EVEN: f64 = 0.02;
 
-const COMMANDS: [Column; 4] = [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4];
-
 /// What to say where the commands are logged in steps that matter. Where rotor speeds were measured they do not.
 pub fn check(flight: &Flight, vehicle: &Vehicle) -> Option<String> {
-    if flight.group([Column::Omega1, Column::Omega2, Column::Omega3, Column::Omega4]).is_some() {
+    if flight.group(SPEEDS).is_some() {
         return None;
     }
     let battery_v =

@@ -136,8 +136,8 @@ impl Terms for Both<'_> {
 /// What a value is part of.
 #[derive(Clone, Copy)]
 pub(crate) struct Place {
-    parameter: usize,
-    axis: usize,
+    pub(crate) parameter: usize,
+    pub(crate) axis: usize,
 }
 
 /// The order of the values of terms at one state.
@@ -152,7 +152,7 @@ pub(crate) struct Slots {
 
 /// A parameter that acts on forces, and its slots.
 pub(crate) struct Turned {
-    parameter: usize,
+    pub(crate) parameter: usize,
     slots: Range<usize>,
 }
 

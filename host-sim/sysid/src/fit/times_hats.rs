@@ -4,19 +4,19 @@
 //! is formed once. Of all hats, two at most differ from zero at a sample. The rows are those of [`Prepared::columns_of_terms`] with the
 //! hats in the terms.
 
-use model::{Axis, LagId, Lags, Model, Plant, Sample, SampleInput, Sink};
+use model::{LagId, Lags, Model, Plant, Sample, SampleInput};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::fit::slow;
-use crate::fit::terms::Terms;
+use crate::fit::terms::{Place, Slots, Terms, Turned};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch};
 
 /// What the parameters of terms multiply wherever regressors of a flight are formed, through no filter yet.
 pub struct TermSignals {
+    /// Moments first.
+    layout: Slots,
     /// Parameters that act on forces.
-    forces: Vec<usize>,
-    /// Parameters and axes of rotation that they act on.
-    moments: Vec<(usize, usize)>,
+    turned: Vec<Turned>,
     stretches: Vec<StretchSignals>,
 }
 
@@ -56,6 +56,12 @@ pub struct EvenHats {
 }
 
 impl EvenHats {
+    /// Where a knot lies.
+    pub fn knot(&self, k: usize) -> f64 {
+        let [low, high] = self.ends;
+        low + (high - low) * k as f64 / (self.count - 1) as f64
+    }
+
     /// The place of a value among the knots, from 0 to the last; what is beyond them is at their ends.
     #[inline]
     pub fn place(&self, value: f64) -> f64 {
@@ -82,25 +88,6 @@ struct Pair {
     weights: [f64; 2],
 }
 
-/// What terms multiply at one state, for each parameter.
-struct Values(Vec<[f64; 6]>);
-
-impl Sink for Values {
-    #[inline(always)]
-    fn add(&mut self, axis: Axis, parameter: usize, value: f64) {
-        self.0[parameter][axis.index()] = value;
-    }
-}
-
-/// Which axes each parameter acts on.
-struct ActsOn(Vec<[bool; 6]>);
-
-impl Sink for ActsOn {
-    fn add(&mut self, axis: Axis, parameter: usize, _: f64) {
-        self.0[parameter][axis.index()] = true;
-    }
-}
-
 impl Prepared {
     /// What terms multiply about a model. Nothing where the slow part of forces is taken from columns: that asks for whole columns.
     pub fn term_signals(&self, terms: &impl Terms, model: &Model) -> Option<TermSignals> {
@@ -111,8 +98,10 @@ impl Prepared {
         let mut signals: Option<TermSignals> = None;
         for stretch in &self.stretches {
             let states = self.remembering_states(stretch, model, &plant, terms.lags());
-            let signals =
-                signals.get_or_insert_with(|| TermSignals::new(terms, &plant.sample_of(&states.at(0))));
+            let signals = signals.get_or_insert_with(|| {
+                let layout = Slots::new(terms, &plant.sample_of(&states.at(0)), |axis| axis >= 3);
+                TermSignals { turned: layout.forces_by_parameter(), layout, stretches: Vec::new() }
+            });
             let of_stretch = self.signals_of(signals, (terms, &plant), stretch, &states);
             signals.stretches.push(of_stretch);
         }
@@ -169,19 +158,25 @@ impl Prepared {
         states: &States<'_>,
     ) -> StretchSignals {
         let imu = self.force_target == ForceTarget::Imu;
-        let mut values = Values(vec![[0.0; 6]; terms.count()]);
+        let layout = &of.layout;
+        let mut values = vec![0.0; layout.places.len()];
         let (mut forces, mut moments) = (Vec::new(), Vec::new());
+        let push_forces = |values: &[f64], dcm: &Matrix3<f64>, forces: &mut Vec<f64>| {
+            let first = forces.len();
+            forces.resize(first + 3 * of.turned.len(), 0.0);
+            layout.turn_forces(&of.turned, dcm, values, &mut forces[first..]);
+        };
         states.for_each_between(&Part::whole(stretch), |input| {
-            terms.evaluate(&plant.sample_of(&input), &mut values);
-            moments.extend(of.moments.iter().map(|(parameter, axis)| values.0[*parameter][*axis]));
+            layout.write(terms, &plant.sample_of(&input), &mut values);
+            moments.extend_from_slice(&values[..layout.wanted]);
             if !imu {
-                forces.extend(of.turned_forces(&values, &input.dcm.transpose()));
+                push_forces(&values, &input.dcm, &mut forces);
             }
         });
         if imu {
             for k in 0..states.len() {
-                terms.evaluate(&plant.sample_of(&states.at(k)), &mut values);
-                forces.extend(of.turned_forces(&values, &Matrix3::identity()));
+                layout.write(terms, &plant.sample_of(&states.at(k)), &mut values);
+                push_forces(&values, &Matrix3::identity(), &mut forces);
             }
         }
         let rows = || self.row_samples(stretch, self.fit_stride());
@@ -191,44 +186,25 @@ impl Prepared {
             Signals { width, samples, taps, windows }
         };
         StretchSignals {
-            forces: signals(3 * of.forces.len(), forces, self.force_taps()),
-            moments: signals(of.moments.len(), moments, self.filter.between.clone()),
+            forces: signals(3 * of.turned.len(), forces, self.force_taps()),
+            moments: signals(layout.wanted, moments, self.filter.between.clone()),
             turns: rows().map(|row| if imu { Matrix3::identity() } else { states.dcm(row) }).collect(),
         }
     }
 }
 
 impl TermSignals {
-    /// Without any yet, of terms that act as they do at a sample.
-    fn new(terms: &impl Terms, sample: &Sample) -> Self {
-        let mut acts_on = ActsOn(vec![[false; 6]; terms.count()]);
-        terms.evaluate(sample, &mut acts_on);
-        let (mut forces, mut moments) = (Vec::new(), Vec::new());
-        for (parameter, axes) in acts_on.0.iter().enumerate() {
-            if axes[..3].contains(&true) {
-                forces.push(parameter);
-            }
-            moments.extend((3..6).filter(|axis| axes[*axis]).map(|axis| (parameter, axis)));
-        }
-        Self { forces, moments, stretches: Vec::new() }
-    }
-
-    fn turned_forces(&self, values: &Values, turn: &Matrix3<f64>) -> impl Iterator<Item = f64> {
-        self.forces.iter().flat_map(move |parameter| {
-            let [u, v, w, ..] = values.0[*parameter];
-            let turned: [f64; 3] = (turn * Vector3::new(u, v, w)).into();
-            turned
-        })
-    }
-
     /// The parameters that act on each axis. One that acts on a force acts on all three.
     pub fn parameters_by_axis(&self) -> [Vec<usize>; 6] {
         std::array::from_fn(|axis| match axis {
-            0..3 => self.forces.clone(),
-            _ => {
-                self.moments.iter().filter(|(_, own)| *own == axis).map(|(parameter, _)| *parameter).collect()
-            }
+            0..3 => self.turned.iter().map(|turned| turned.parameter).collect(),
+            _ => self.moments().iter().filter(|at| at.axis == axis).map(|at| at.parameter).collect(),
         })
+    }
+
+    /// What the signals of moments are.
+    fn moments(&self) -> &[Place] {
+        &self.layout.places[..self.layout.wanted]
     }
 
     /// Appends the rows of a fit to those of each axis: for each parameter that acts on it, in order, the filtered products with every
@@ -236,10 +212,9 @@ impl TermSignals {
     pub fn append_times_hats(&self, quantity: &QuantitySignal, hats: &EvenHats, rows: &mut [Vec<f64>; 6]) {
         let by_axis = self.parameters_by_axis();
         // Where a signal goes: axis, and place among the parameters of the axis.
-        let place = |(parameter, axis): &(usize, usize)| {
-            (*axis, by_axis[*axis].iter().position(|own| own == parameter).unwrap_or(0))
-        };
-        let moment_places: Vec<(usize, usize)> = self.moments.iter().map(place).collect();
+        let place =
+            |at: &Place| (at.axis, by_axis[at.axis].iter().position(|own| *own == at.parameter).unwrap_or(0));
+        let moment_places: Vec<(usize, usize)> = self.moments().iter().map(place).collect();
         let widths = by_axis.each_ref().map(|parameters| parameters.len() * hats.count);
         for (stretch, formed) in self.stretches.iter().zip(&quantity.0) {
             let firsts = rows.each_ref().map(Vec::len);
@@ -303,6 +278,7 @@ fn add_products(samples: &[f64], taps: &[f64], pairs: &[Pair], sums: &mut [f64])
 #[cfg(test)]
 mod tests {
     use flights::Flight;
+    use model::{Axis, Sink};
 
     use super::*;
     use crate::testing::{flight, waving_with_imu};
