@@ -149,6 +149,33 @@ fn a_jet_across_the_room_is_found_along_its_own_line() {
     assert!(best.sentence.contains("position along a bearing of "), "{}", best.sentence);
 }
 
+/// A magnet on the floor pulls towards one point: no force along an axis does the same, and the point is found with its error.
+#[test]
+fn a_pull_towards_a_point_is_found_with_the_point() {
+    let distance = "sqrt((north - n)^2 + (east - e)^2 + (down - d)^2)";
+    let rows: String = [("north", "n"), ("east", "e"), ("down", "d")]
+        .map(|(axis, at)| {
+            format!("acceleration.{axis} = \"k * ({at} - {axis}) / {distance} * ({distance} + beyond)^(-2) / mass\"\n")
+        })
+        .concat();
+    let text = format!(
+        "[[effect]]\nid = \"magnet\"\n{rows}coefficient = [{{ name = \"k\", unit = \"N m^2\", possible = [-9.0, 9.0], typical = 0.1 }}]\n\
+         constant = [{{ name = \"n\", unit = \"m\", value = 0.3 }}, {{ name = \"e\", unit = \"m\", value = -0.2 }}, \
+         {{ name = \"d\", unit = \"m\", value = 0.0 }}, {{ name = \"beyond\", unit = \"m\", value = 0.1 }}]\n"
+    );
+    let discovery = discovered(&world(&text, &[0.3]));
+    let best = &discovery.proposals[0];
+    assert_eq!(best.quantities, ["east", "height", "north"], "{}", best.formula);
+    assert!(best.share_of_structure_percent > 90.0, "{best:?}");
+    assert!(best.sentence.starts_with("A force towards the point at north 0."), "{}", best.sentence);
+    let of = |name: &str| best.coefficients.iter().find(|one| one.name == name).unwrap();
+    for (name, hidden) in [("point_north", 0.3), ("point_east", -0.2), ("point_down", 0.0)] {
+        let found = of(name);
+        let off = (found.value - hidden).abs();
+        assert!(off < 4.0 * found.std_error && found.std_error < 0.05 && found.unit == "m", "{found:?}");
+    }
+}
+
 #[test]
 fn nothing_is_proposed_where_nothing_is_hidden() {
     let discovery = discovered(&truth());

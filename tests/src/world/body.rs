@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-use super::craft::Craft;
+use super::craft::{Craft, Strange};
 
 /// Integration step, s: 2 kHz.
 pub const STEP_S: f64 = 0.0005;
@@ -279,6 +279,7 @@ impl Body {
         let [x, y] = [now.position.x - 0.1, now.position.y - 0.1];
         let in_column = (-(x * x + y * y) / (2.0 * 0.45 * 0.45)).exp();
         force_ned.z -= craft.mass_kg * (strange.table_m_s2 * over_table - strange.column_m_s2 * in_column);
+        force_ned += craft.mass_kg * about_centers_m_s2(strange, &now.position);
         force_ned.z += strange.bungee * craft.mass_kg * bungee_m_s2(self.bounce[0], self.bounce[1]);
         Wrench { force_ned_n: force_ned, torque_nm: torque }
     }
@@ -363,6 +364,21 @@ fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f6
         thrust / (1.0 - craft.ground_gain * ratio * ratio)
     });
     (thrusts, torque)
+}
+
+/// What pulls towards a point, presses away from an axis, and turns around one.
+fn about_centers_m_s2(strange: &Strange, position: &Vector3<f64>) -> Vector3<f64> {
+    let to_magnet = Vector3::new(0.3, -0.2, 0.0) - position;
+    let pull = strange.magnet_m_s2 * (0.6 / (to_magnet.norm() + 0.1)).powi(2).min(3.0);
+    let from_fan = Vector3::new(position.x + 0.6, position.y - 0.2, 0.0);
+    let press = strange.fan_m_s2 * (-from_fan.norm() / 0.6).exp();
+    let arm = Vector3::new(position.x - 0.2, position.y + 0.1, 0.0);
+    let round = arm.norm() / 0.4;
+    let turn = strange.whirl_m_s2 * round * (0.5 * (1.0 - round * round)).exp();
+    let whirl = turn * Vector3::new(-arm.y, arm.x, 0.0).try_normalize(1e-9).unwrap_or_default();
+    pull * to_magnet.try_normalize(1e-9).unwrap_or_default()
+        + press * from_fan.try_normalize(1e-9).unwrap_or_default()
+        + whirl
 }
 
 /// Pull of the spring of what bounces under the craft beyond its weight, for each kilogram of it,

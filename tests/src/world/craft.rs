@@ -147,6 +147,12 @@ pub struct Strange {
     pub failing: f64,
     /// Thrust that is lost for each m/s sunk, in a wake that takes half a second to build up, 1/s.
     pub wake_memory_per_s: f64,
+    /// Pull of a magnet on the floor 0.3 m north and 0.2 m west, at 0.5 m from it, m/s^2.
+    pub magnet_m_s2: f64,
+    /// Press away from a fan that stands upright 0.6 m south and 0.2 m east, near it, m/s^2.
+    pub fan_m_s2: f64,
+    /// Most press of a whirl around the vertical 0.2 m north and 0.1 m west, 0.4 m from it, m/s^2.
+    pub whirl_m_s2: f64,
 }
 
 /// A craft and its air.

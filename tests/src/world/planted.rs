@@ -180,6 +180,9 @@ pub const FORMS: &[Seedling] = &[
     seedling("wake-memory", "thrust that is lost some time after sinking", |c, _, s, _| {
         c.strange.wake_memory_per_s = 0.5 * s;
     }),
+    seedling("magnet", "a magnet on the floor", |c, _, s, _| c.strange.magnet_m_s2 = 0.8 * s),
+    seedling("fan", "air that spreads from a fan", |c, _, s, _| c.strange.fan_m_s2 = 0.8 * s),
+    seedling("whirl", "air that turns in the room", |c, _, s, _| c.strange.whirl_m_s2 = 0.5 * s),
 ];
 
 /// Effects that happen to a craft whose model was good: flown before and after.

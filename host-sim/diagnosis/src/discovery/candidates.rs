@@ -4,6 +4,7 @@ use model::Model;
 use rayon::prelude::*;
 use sysid::prepare::Prepared;
 
+use crate::discovery::center::{Center, Flown};
 use crate::discovery::channels::Channel;
 use crate::discovery::form::Form;
 use crate::discovery::hats::{Bases, Quantities};
@@ -72,10 +73,11 @@ pub(crate) fn candidates(
     // A second shape of what is remembered would look back at more than there is room for.
     let present: Vec<usize> =
         every.iter().copied().filter(|index| variables[*index].lag_s().is_none()).collect();
-    let steps = every.len() + present.len();
+    let steps = every.len() + present.len() + 1;
     let mut found: Vec<Scored> = Vec::new();
     let mut by_chance = vec![f64::NEG_INFINITY; RANDOM_PHASES];
-    for one in search.over(&every, (&against, bases), knots_of, [0, steps]) {
+    let over_all = search.over(&every, (&against, bases), knots_of, [0, steps]);
+    for one in over_all.into_iter().chain(search.about_centers(&against, [every.len(), steps])) {
         found.extend(one.best);
         by_chance.iter_mut().zip(one.by_chance).for_each(|(most, one)| *most = most.max(one));
     }
@@ -90,7 +92,7 @@ pub(crate) fn candidates(
     forms.extend(wider(&forms));
     let only = Against::new(&problem, &[]);
     let mut products: Vec<Scored> = Vec::new();
-    for one in search.over(&present, (&only, bases), |_| KNOTS, [every.len(), steps]) {
+    for one in search.over(&present, (&only, bases), |_| KNOTS, [every.len() + 1, steps]) {
         let is_product = |scored: &Scored| scored.form.variables().len() == scored.form.factors.len();
         products.extend(one.best.into_iter().filter(is_product));
     }
@@ -115,6 +117,27 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// What forces about centers find over the distance from these, side by side, as one step.
+    fn about_centers(&self, against: &Against, [step, steps]: [usize; 2]) -> Vec<Found> {
+        self.observer.progress(Progress { activity: "trying forms", steps: Some((step, steps)) });
+        let about = |alike: &[Center]| {
+            let [center, ..] = alike else { return None };
+            let distance = Variable::distance_from(self.variables, *center)?;
+            let span = self.variables[distance].flown().distances(*center);
+            let forms =
+                alike.iter().map(|center| Form { channel: Channel::Center(*center), factors: Vec::new() });
+            let bases = [Bases::new(self.problem, forms.collect(), self.variables)];
+            let quantities = Quantities::from_center(self.problem, *center, distance);
+            let over = (self.variables, distance);
+            Some(over_variable(self.problem, against, (&bases, &quantities), over, (span, KNOTS)))
+        };
+        let flown = self.variables.iter().find(|variable| variable.is_distance()).map(Variable::flown);
+        let centers = flown.map(Flown::centers).unwrap_or_default();
+        let alike = |one: &Center, other: &Center| one.shares_distance(*other);
+        let groups: Vec<&[Center]> = centers.chunk_by(alike).collect();
+        groups.into_par_iter().filter_map(about).collect()
+    }
+
     /// What bases find over some variables, side by side, in the order of these; this is the `first`th step of so many.
     fn over(
         &self,
@@ -133,7 +156,8 @@ impl Search<'_> {
             let over = |index: &usize| {
                 let over = (self.variables, *index);
                 let knots = knots(&self.variables[*index]);
-                over_variable(self.problem, against, (&bases, self.quantities), over, knots)
+                let hats = (self.variables[*index].span, knots);
+                over_variable(self.problem, against, (&bases, self.quantities), over, hats)
             };
             all.par_extend(some.par_iter().map(over));
         }
@@ -179,7 +203,7 @@ fn sort(found: &mut [Scored], rows: usize) {
 fn distinct(found: &[Scored], most: usize) -> Vec<Scored> {
     let mut kept: Vec<Scored> = Vec::new();
     for one in found {
-        let alike = kept.iter().filter(|other| other.form.channel == one.form.channel);
+        let alike = kept.iter().filter(|other| other.form.channel.is_like(one.form.channel));
         let same = alike.clone().filter(|other| other.form.variables() == one.form.variables());
         if alike.count() < 3 && same.count() < 2 {
             kept.push(one.clone());

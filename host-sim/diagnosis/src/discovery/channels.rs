@@ -3,6 +3,8 @@
 use model::{Axis, Effect, Model, Plant, Sample, Sink, State};
 use nalgebra::Vector3;
 
+use crate::discovery::center::{About, Center, NEAREST};
+
 /// A way in which a scalar acts on the six rows.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Channel {
@@ -12,6 +14,8 @@ pub(crate) enum Channel {
     Earth(usize),
     /// A horizontal force of any direction in the room.
     Horizontal,
+    /// A force towards a point or an axis, or around it.
+    Center(Center),
     /// A part of the thrust of all rotors.
     Thrust,
     /// A part of the thrust of one rotor: its force and its moments.
@@ -83,6 +87,23 @@ impl Channel {
         }
     }
 
+    /// What it acts about.
+    #[inline]
+    pub(crate) const fn center(self) -> Option<Center> {
+        match self {
+            Self::Center(center) => Some(center),
+            _ => None,
+        }
+    }
+
+    /// Whether it is the same way to act, about whatever center.
+    pub(crate) fn is_like(self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Center(own), Self::Center(other)) => own.about == other.about,
+            _ => self == other,
+        }
+    }
+
     /// Whether each rotor acts by its own.
     pub(crate) const fn is_each_rotor(self) -> bool {
         matches!(self, Self::EachRotor(_))
@@ -115,6 +136,7 @@ impl Channel {
                 forces(first, sample.input.dcm.column(0) * per_mass);
                 forces(first + 1, sample.input.dcm.column(1) * per_mass);
             }
+            Self::Center(center) => forces(first, sample.input.dcm * center.direction(sample) * per_mass),
             Self::Thrust => sink.add(Axis::W, first, -value * sample.thrust_m_s2()),
             Self::Drag => forces(first, sample.air_velocity_m_s * -per_mass),
             Self::HorizontalDrag => {
@@ -151,12 +173,13 @@ impl Channel {
             Self::Body(Axis::R) => &[Axis::R],
             Self::HorizontalDrag => &[Axis::U, Axis::V],
             Self::Rotor(..) | Self::RotorApart(..) | Self::EachRotor(_) => &[Axis::W, Axis::P, Axis::Q],
-            Self::Earth(_) | Self::Horizontal | Self::Drag => &FORCES,
+            Self::Earth(_) | Self::Horizontal | Self::Center(_) | Self::Drag => &FORCES,
         }
     }
 
-    /// Its rows as formulas: what stands before amplitude and shape, and what after.
-    pub(crate) fn rows(self) -> Vec<RowText> {
+    /// Its rows as formulas: what stands before amplitude and shape, and what after. `center` names the numbers that say where its center
+    /// is.
+    pub(crate) fn rows(self, center: &[String]) -> Vec<RowText> {
         let row = |row: &'static str, before: &str, after: &'static str| RowText {
             row,
             before: before.into(),
@@ -171,6 +194,10 @@ impl Channel {
             Self::Earth(k) => vec![row(EARTH[k], "", per_mass)],
             Self::Horizontal => {
                 vec![row("north", "", per_mass), RowText { amplitude: 1, ..row("east", "", per_mass) }]
+            }
+            Self::Center(own) => {
+                let directions = own.about.direction(center).into_iter();
+                directions.map(|(axis, part)| row(axis, &format!("{part} * "), per_mass)).collect()
             }
             Self::Thrust => vec![row("w", "-thrust * ", "")],
             Self::Drag => ["u", "v", "w"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
@@ -193,6 +220,7 @@ impl Channel {
             Self::EachRotor(levers) => {
                 levers.iter().enumerate().flat_map(|(k, lever)| constants_of_rotor(k, lever)).collect()
             }
+            Self::Center(_) => vec![(NEAREST.0.into(), NEAREST.1, NEAREST.2)],
             _ => Vec::new(),
         }
     }
@@ -210,7 +238,7 @@ impl Channel {
     pub(crate) const fn unit(self) -> &'static str {
         match self {
             Self::Body(Axis::P | Axis::Q | Axis::R) => "rad/s^2",
-            Self::Body(_) | Self::Earth(_) | Self::Horizontal => "N",
+            Self::Body(_) | Self::Earth(_) | Self::Horizontal | Self::Center(_) => "N",
             Self::Thrust | Self::Rotor(..) | Self::RotorApart(..) | Self::EachRotor(_) => "1",
             Self::Drag | Self::HorizontalDrag => "N s/m",
         }
@@ -221,6 +249,7 @@ impl Channel {
         match self {
             Self::Drag => &["u", "v", "w"],
             Self::HorizontalDrag => &["u", "v"],
+            Self::Center(center) => center.about.quantities(),
             _ => &[],
         }
     }
@@ -238,6 +267,10 @@ impl Channel {
             Self::Earth(1) => "A force along east".into(),
             Self::Earth(_) => "A vertical force".into(),
             Self::Horizontal => "A horizontal force".into(),
+            Self::Center(center) => match center.about {
+                About::Point | About::Axis => format!("A force towards or away from {}", center.called()),
+                About::Around => format!("A force around {}", center.called()),
+            },
             Self::Thrust => "A change of the thrust".into(),
             Self::Rotor(k, _) | Self::RotorApart(k, _) => {
                 format!("A change of the thrust of motor {}", k + 1)

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use model::user_effects::{CoefficientDefinition, ColumnDefinition, ConstantDefinition, Definition};
 
-use crate::discovery::form::{Factor, Form};
+use crate::discovery::form::{Factor, Form, Parameter};
 use crate::discovery::refine::Refined;
 use crate::discovery::shapes::Role;
 use crate::discovery::variables::Variable;
@@ -39,26 +39,28 @@ pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &
             });
             values.push(*value);
         }
+        let of_center = form.channel.center().map_or(&[][..], |own| own.about.names());
+        let center: Vec<String> = of_center.iter().map(|name| names.new_one(name)).collect();
+        for (axis, name) in center.iter().enumerate() {
+            coefficient.push(fitted(form, variables, Parameter::Center(axis), (name.clone(), "m")));
+            values.push(form.value(Parameter::Center(axis)));
+        }
         let mut named: Vec<Named> = Vec::new();
         for (index, factor) in form.factors.iter().enumerate() {
             let variable = &variables[factor.variable];
             let mut parameters: Vec<String> =
                 factor.shape.family.parameters().iter().map(|(name, _)| names.new_one(name)).collect();
-            for (k, name) in parameters.iter().enumerate() {
-                coefficient.push(CoefficientDefinition {
-                    name: name.clone(),
-                    unit: variable.unit.clone(),
-                    possible: form.possible(variables, (index, k)),
-                    typical: typical(form, variables, (index, k)),
-                });
-                values.push(form.value((index, k)));
+            for (number, name) in parameters.iter().enumerate() {
+                let parameter = Parameter::OfShape { factor: index, number };
+                coefficient.push(fitted(form, variables, parameter, (name.clone(), &variable.unit)));
+                values.push(form.value(parameter));
             }
             let (held, lag) = constants_of(factor, variable, &mut names, &mut constant);
             parameters.extend(held);
             named.push((parameters, lag));
         }
-        for row in form.channel.rows() {
-            let shapes = shapes_text(form, variables, &named, row.rotor);
+        for row in form.channel.rows(&center) {
+            let shapes = shapes_text(form, variables, (&center, &named), row.rotor);
             let text = format!("{}{}{shapes}{}", row.before, amplitudes[row.amplitude], row.after);
             rows.entry(row.row.to_owned()).and_modify(|sum| sum.push_str(&joined(&text))).or_insert(text);
         }
@@ -98,10 +100,19 @@ fn constants_of(
 type Named = (Vec<String>, Option<String>);
 
 /// The shapes of a form as factors, with the names of their parameters.
-fn shapes_text(form: &Form, variables: &[Variable], named: &[Named], rotor: Option<usize>) -> String {
+fn shapes_text(
+    form: &Form,
+    variables: &[Variable],
+    (center, named): (&[String], &[Named]),
+    rotor: Option<usize>,
+) -> String {
     let shape = |(factor, (names, lag)): (&Factor, &Named)| {
-        let variable = variables[factor.variable].formula(rotor, lag.as_deref());
-        format!(" * {}", factor.shape.formula(&variable, names))
+        let variable = &variables[factor.variable];
+        let text = match form.channel.center() {
+            Some(own) if variable.is_distance() => own.about.distance(center).into(),
+            _ => variable.formula(rotor, lag.as_deref()),
+        };
+        format!(" * {}", factor.shape.formula(&text, names))
     };
     form.factors.iter().zip(named).map(shape).collect()
 }
@@ -136,12 +147,27 @@ fn columns(terms: &[Refined], variables: &[Variable]) -> Vec<ColumnDefinition> {
     all
 }
 
+/// The definition of a parameter of this name and unit.
+fn fitted(
+    form: &Form,
+    variables: &[Variable],
+    parameter: Parameter,
+    (name, unit): (String, &str),
+) -> CoefficientDefinition {
+    CoefficientDefinition {
+        name,
+        unit: unit.to_owned(),
+        possible: form.possible(variables, parameter),
+        typical: typical(form, variables, parameter),
+    }
+}
+
 /// An ordinary magnitude of a parameter: that which was found, or a part of where its quantity goes.
-fn typical(form: &Form, variables: &[Variable], parameter: (usize, usize)) -> f64 {
+fn typical(form: &Form, variables: &[Variable], parameter: Parameter) -> f64 {
     let value = form.value(parameter).abs();
     match form.role(parameter) {
         Role::Length => value,
-        Role::Place => value.max(1e-3 * variables[form.factors[parameter.0].variable].span.length()),
+        Role::Place => value.max(1e-3 * form.span_of(variables, parameter).length()),
     }
 }
 
@@ -221,6 +247,7 @@ mod tests {
     use model::{Axis, MotorMapKind};
 
     use super::*;
+    use crate::discovery::center::{About, Center};
     use crate::discovery::channels::Channel;
     use crate::discovery::shapes::{Family, Shape};
     use crate::testing::{ORDINARY, fly, truth};
@@ -240,9 +267,16 @@ mod tests {
             let variables = Variable::all(&[&flight], &model);
             assert!(variables.len() > 80);
             for variable in 0..variables.len() {
-                let own = variables[variable].is_own();
-                let each = Channel::all(&truth()).into_iter().find(|channel| channel.is_each_rotor());
-                let channel = if own { each.unwrap() } else { Channel::Body(Axis::W) };
+                let each = || Channel::all(&truth()).into_iter().find(|channel| channel.is_each_rotor());
+                let about = [About::Point, About::Axis, About::Around]
+                    .map(|about| Center { about, place_ned_m: [0.3, -0.2, 0.1] })
+                    .into_iter()
+                    .find(|center| Variable::distance_from(&variables, *center) == Some(variable));
+                let channel = match about {
+                    Some(center) => Channel::Center(center),
+                    None if variables[variable].is_own() => each().unwrap(),
+                    None => Channel::Body(Axis::W),
+                };
                 for family in [Family::Proportional, Family::Growth] {
                     let shape = Shape { family, parameters: [0.3, 1.2] };
                     let form = Form { channel, factors: vec![Factor { variable, shape }] };
@@ -253,6 +287,58 @@ mod tests {
                     assert!(drafted.is_ok(), "{drafted:?}: {file}");
                 }
             }
+        }
+    }
+
+    /// About a point, an axis and around one, an effect does at every place what the form does.
+    #[test]
+    fn a_form_about_a_center_is_what_its_formula_says() {
+        let flown = fly(&truth(), 1, 6.0, &ORDINARY);
+        let flight = sysid::Prepared::new(&flown, &truth().vehicle).unwrap();
+        let variables = Variable::all(&[&flight], &truth());
+        for about in [About::Point, About::Axis, About::Around] {
+            let center = Center { about, place_ned_m: [0.3, -0.2, 0.1] };
+            let distance = Variable::distance_from(&variables, center).unwrap();
+            let shape = Shape { family: Family::Bump, parameters: [0.4, 0.7] };
+            let factors = vec![Factor { variable: distance, shape }];
+            let form = Form { channel: Channel::Center(center), factors };
+            let term = Refined { form: form.clone(), amplitudes: vec![0.6], gain_left_out: 0.0, improved: 0 };
+            let defined = define("form", "A form.".into(), &[term], &variables);
+            let file = file_of(vec![defined.definition]);
+            let [user] = model::effects::draft(&file, Path::new("test")).unwrap()[..] else {
+                panic!("{file}")
+            };
+            let mut with = truth();
+            with.set(model::Effect::User(user), &defined.values);
+            let [without, with] = [truth(), with].map(|model| model::Plant::new(&model));
+            for [north, east, down] in [[0.0, 0.0, -1.0], [0.9, -0.2, -0.4], [-0.6, 0.5, -1.7]] {
+                let mut state = model::State::at_rest(nalgebra::Vector3::new(north, east, down), [600.0; 4]);
+                state.attitude = nalgebra::Vector4::new(0.8, 0.2, -0.1, 0.5).normalize();
+                let by = |plant: &model::Plant| {
+                    plant.accelerations(&plant.sample_of(&plant.input(&state, &[600.0; 4], 11.5)))
+                };
+                let mut expected = Rows([0.0; 6]);
+                let input = without.input(&state, &[600.0; 4], 11.5);
+                let sample = without.sample_of(&input);
+                form.channel.add(
+                    &sample,
+                    form.at(&variables, &sample).map(|value| 0.6 * value),
+                    0,
+                    &mut expected,
+                );
+                let (with, without) = (by(&with), by(&without));
+                for (axis, expected) in expected.0.into_iter().enumerate() {
+                    assert!((with[axis] - without[axis] - expected).abs() < 1e-9, "{about:?} {axis}");
+                }
+            }
+        }
+    }
+
+    struct Rows([f64; 6]);
+
+    impl model::Sink for Rows {
+        fn add(&mut self, axis: Axis, _: usize, value: f64) {
+            self.0[axis.index()] += value;
         }
     }
 

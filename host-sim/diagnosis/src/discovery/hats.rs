@@ -8,6 +8,7 @@ use nalgebra::DMatrix;
 use sysid::fit::terms::Terms;
 use sysid::fit::times_hats::{EvenHats, QuantitySignal, TermSignals};
 
+use crate::discovery::center::Center;
 use crate::discovery::form::Form;
 use crate::discovery::problem::{Problem, White};
 use crate::discovery::variables::Variable;
@@ -58,6 +59,16 @@ impl Quantities {
             }
         }
         Self(all)
+    }
+
+    /// Only a distance, of that number among the variables, from a center.
+    pub(crate) fn from_center(problem: &Problem<'_>, center: Center, distance: usize) -> Self {
+        let of = |sample: &Sample, values: &mut [f64]| {
+            values.fill(center.distance_m(&sample.input.position_ned_m));
+        };
+        let of_flight = |flight: &sysid::Prepared| flight.quantity_signals(1, &[], problem.model, of);
+        let signals = problem.prepared().flat_map(of_flight).collect();
+        Self((0..=distance).map(|_| None).chain([Some(signals)]).skip(1).collect())
     }
 }
 
@@ -116,10 +127,14 @@ impl Terms for TimesHats<'_> {
     }
 
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        let of = |rotor: usize| self.hats.place(self.variable.of_rotor(sample, rotor));
-        let places = if self.variable.is_own() { std::array::from_fn(of) } else { [of(0); 4] };
+        let places_of = |base: &Form| {
+            let of = |rotor: usize| self.hats.place(base.value_of(self.variable, sample, rotor));
+            if self.variable.is_own() { std::array::from_fn(of) } else { [of(0); 4] }
+        };
+        let shared = self.bases.forms.first().filter(|_| !self.variable.is_distance()).map(places_of);
         let mut first = 0;
         for base in &self.bases.forms {
+            let places = shared.unwrap_or_else(|| places_of(base));
             let scale = base.at(self.bases.variables, sample);
             for hat in 0..self.hats.count {
                 let at = |rotor: usize| scale[rotor] * (1.0 - (places[rotor] - hat as f64).abs()).max(0.0);

@@ -9,7 +9,7 @@ use sysid::fit::times_hats::EvenHats;
 use crate::discovery::form::{Factor, Form};
 use crate::discovery::hats::{Bases, CrossProducts, HatRows, Products, Quantities};
 use crate::discovery::problem::Problem;
-use crate::discovery::shapes::Shape;
+use crate::discovery::shapes::{Shape, Span};
 use crate::discovery::variables::Variable;
 
 /// Part of a shape's square that the model must leave.
@@ -78,10 +78,9 @@ pub(crate) fn over_variable(
     against: &Against,
     (bases, quantities): (&[Bases<'_>], &Quantities),
     (variables, variable): (&[Variable], usize),
-    knot_count: usize,
+    (span, knot_count): (Span, usize),
 ) -> Found {
     let mut by_chance = vec![f64::NEG_INFINITY; against.residuals() - 1];
-    let span = variables[variable].span;
     let hats = EvenHats { ends: [span.low, span.high], count: knot_count };
     let shapes: Vec<(Shape, Vec<f64>)> = span.shapes().into_iter().filter_map(|s| over(s, hats)).collect();
     let mut best = Vec::new();

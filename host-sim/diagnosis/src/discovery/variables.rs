@@ -1,10 +1,12 @@
 //! Measured quantities that an unknown effect may depend on.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use model::{Followed, Lag, LagId, Quantity, RotorQuantity, Sample, user_effects};
 use sysid::prepare::Prepared;
 
+use crate::discovery::center::{About, Center, Flown};
 use crate::discovery::shapes::Span;
 
 /// Where its value comes from.
@@ -19,6 +21,10 @@ enum Source {
     From(&'static Quantity, usize),
     /// Horizontal distance from a place in two further columns.
     Distance([usize; 2]),
+    /// Distance from the center of the form's way to act: a point, or a vertical axis.
+    FromCenter {
+        is_point: bool,
+    },
     /// Place along a horizontal direction: its angle from north to east, degrees, and its parts along north and east.
     Along(u8, [f64; 2]),
     /// The own speed of each rotor.
@@ -49,6 +55,8 @@ pub(crate) struct Variable {
     lags: [Option<LagId>; 4],
     /// Where it goes in the flights.
     pub(crate) span: Span,
+    /// Where the flights went, for distances.
+    flown: Arc<Flown>,
 }
 
 /// Quantities that formulas name by themselves.
@@ -120,6 +128,8 @@ impl Variable {
             Source::Along(_, [north, east]) => north * place.x + east * place.y,
             Source::OwnSpeed => sample.input.rotor_rad_s[rotor],
             Source::OwnAcceleration => sample.input.rotor_acceleration_rad_s2[rotor],
+            // Only its form knows the center.
+            Source::FromCenter { .. } => f64::NAN,
             Source::Lagged(..) => self.lags[0].map_or(f64::NAN, |lag| sample.input.remembered(lag)),
             Source::OwnAhead(_) => {
                 let behind = self.lags[rotor].map_or(f64::NAN, |lag| sample.input.remembered(lag));
@@ -144,6 +154,25 @@ impl Variable {
     /// Whether each rotor has its own.
     pub(crate) const fn is_own(&self) -> bool {
         matches!(self.source, Source::OwnSpeed | Source::OwnAcceleration | Source::OwnAhead(_))
+    }
+
+    /// Whether it is the distance from the center of the form's way to act.
+    #[inline]
+    pub(crate) const fn is_distance(&self) -> bool {
+        matches!(self.source, Source::FromCenter { .. })
+    }
+
+    /// The distance from a center, among all variables.
+    pub(crate) fn distance_from(all: &[Self], center: Center) -> Option<usize> {
+        let own = center.about == About::Point;
+        let is_it =
+            |variable: &Self| matches!(variable.source, Source::FromCenter { is_point } if is_point == own);
+        all.iter().position(is_it)
+    }
+
+    /// Where the flights went.
+    pub(crate) fn flown(&self) -> &Flown {
+        &self.flown
     }
 
     /// How formulas spell it; each rotor's own for one of them, and a lag with the name of its time.
@@ -173,6 +202,8 @@ impl Variable {
             Source::Sine(quantity) | Source::Cosine(quantity) => vec![quantity.name],
             Source::Along(..) => vec!["east", "north"],
             Source::Lagged(quantity, _) => vec![quantity.name],
+            // Those of the way to act.
+            Source::FromCenter { .. } => Vec::new(),
             _ => vec![self.name],
         }
     }
@@ -204,6 +235,7 @@ impl Variable {
             Source::Along(degrees, _) => OBLIQUE_DEG.contains(&degrees),
             Source::Lagged(_, place) => place == SEARCHED_LAG,
             Source::OwnAhead(place) => place == SEARCHED_OWN_LAG,
+            Source::FromCenter { .. } => false,
             _ => true,
         }
     }
@@ -271,13 +303,15 @@ impl Variable {
         find_spans(&mut all, flights, model);
         all.retain(|variable| variable.span.is_wide());
         all.extend(remembered(&all));
+        all.extend(from_centers(flights));
         all
     }
 
     /// One whose span is not known yet.
     fn new(name: &'static str, formula: Cow<'static, str>, source: Source, unit: &str) -> Self {
         let (unit, span) = (unit.to_owned(), Span { low: 0.0, high: 0.0 });
-        Self { name, formula, unit, in_commands: None, declared: false, source, lags: [None; 4], span }
+        let flown = Arc::default();
+        Self { name, formula, unit, in_commands: None, declared: false, source, lags: [None; 4], span, flown }
     }
 }
 
@@ -337,6 +371,19 @@ fn of_columns() -> Vec<Variable> {
         all.push(Variable::new("distance to the other craft", formula.into(), source, "m"));
     }
     all
+}
+
+/// Distances from centers, where flights say where they were.
+fn from_centers(flights: &[&Prepared]) -> Vec<Variable> {
+    if !flights.iter().all(|flight| flight.has_position) {
+        return Vec::new();
+    }
+    let flown = Arc::new(Flown::new(flights));
+    let one = |(name, is_point): (&'static str, bool)| {
+        let variable = Variable::new(name, name.into(), Source::FromCenter { is_point }, "m");
+        Variable { flown: flown.clone(), ..variable }
+    };
+    [("distance from this point", true), ("distance from this axis", false)].map(one).into()
 }
 
 /// What forms may look back at. A lag goes no further than what it follows.

@@ -4,8 +4,9 @@ use model::Axis;
 use model::user_effects::{ConstantDefinition, Definition};
 use report::number::significant;
 
+use crate::discovery::center::About;
 use crate::discovery::channels::Channel;
-use crate::discovery::form::{Factor, Form};
+use crate::discovery::form::{Factor, Form, Parameter};
 use crate::discovery::refine::Refined;
 use crate::discovery::shapes::{Family, Shape, Span};
 use crate::discovery::variables::Variable;
@@ -38,7 +39,9 @@ pub(crate) fn sentence(term: &Refined, variables: &[Variable], thrust_coefficien
         channel => format!("{} {}", number(one.abs()), channel.unit()),
     };
     let how = how.join(" and ");
-    if form.factors.iter().any(|factor| changes_sign(&factor.shape, &variables[factor.variable].span)) {
+    let changes =
+        |(index, factor): (usize, &Factor)| changes_sign(&factor.shape, &form.span(variables, index));
+    if form.factors.iter().enumerate().any(changes) {
         let way = if term.amplitudes.first().is_some_and(|k| *k > 0.0) { "with" } else { "against" };
         return format!("{}, up to {size} in magnitude, {how}, {way} its sign", form.channel.meaning());
     }
@@ -53,12 +56,12 @@ fn changes_sign(shape: &Shape, span: &Span) -> bool {
 
 /// The strongest value of the shapes of a form where their quantities went.
 fn strongest(form: &Form, variables: &[Variable]) -> f64 {
-    let of = |factor: &Factor| {
-        let span = variables[factor.variable].span;
+    let of = |(index, factor): (usize, &Factor)| {
+        let span = form.span(variables, index);
         let at = |k: i32| factor.shape.at(span.low + span.length() * f64::from(k) / 200.0);
         (0..=200).map(at).fold(0.0_f64, |most, value| if value.abs() > most.abs() { value } else { most })
     };
-    form.factors.iter().map(of).product()
+    form.factors.iter().enumerate().map(of).product()
 }
 
 /// A way to act with its direction.
@@ -86,6 +89,15 @@ fn directed(channel: Channel, amount: f64) -> String {
         Channel::Body(Axis::Q) => either("A pitch acceleration", "A negative pitch acceleration"),
         Channel::Body(Axis::R) => either("A yaw acceleration", "A negative yaw acceleration"),
         Channel::Horizontal => "A horizontal force".into(),
+        Channel::Center(center) => {
+            let way = match center.about {
+                About::Point | About::Axis => either("towards", "away from"),
+                About::Around => {
+                    either("clockwise (from above) around", "counter-clockwise (from above) around")
+                }
+            };
+            format!("A force {way} {}", center.called())
+        }
     }
 }
 
@@ -96,7 +108,7 @@ fn shape_words(form: &Form, index: usize, variables: &[Variable]) -> String {
     let unit = Some(variable.unit_for_people()).filter(|unit| *unit != "1").unwrap_or_default();
     let name = variable.called();
     let value = |k: usize| {
-        let value = number(form.value((index, k)));
+        let value = number(form.value(Parameter::OfShape { factor: index, number: k }));
         if unit.is_empty() { value } else { format!("{value} {unit}") }
     };
     match factor.shape.family {
@@ -211,6 +223,9 @@ pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'
         (Channel::Body(Axis::R), _) if on(&["psi", "sine of the heading", "cosine of the heading"]) => {
             "a cable that twists"
         }
+        (Channel::Center(center), _) => {
+            return Some(physics_about(center.about, amount, fades));
+        }
         _ if drag && on(&["north", "east", "height"]) => {
             "a curtain of air, a net or a cloth in a part of the room"
         }
@@ -221,6 +236,16 @@ pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'
         _ => return None,
     };
     Some(told)
+}
+
+/// Known physics about a point or an axis.
+fn physics_about(about: About, amount: f64, fades: bool) -> &'static str {
+    match about {
+        About::Around => "a whirl of air, such as the swirl behind a fan",
+        _ if amount < 0.0 => "air that spreads from there, such as below a fan",
+        _ if fades => "an attraction, such as a magnet or air that is drawn in",
+        _ => "a cable or an elastic cord that is tied there",
+    }
 }
 
 /// Known physics of single rotors.
@@ -259,17 +284,13 @@ pub(crate) fn to_fly(form: &Form, rivals: &[Form], variables: &[Variable]) -> St
     if !others.is_empty() {
         return format!("vary the {} while the {} stays the same", names(&own), names(&others));
     }
+    let factor_of = |index: &usize| form.factors.iter().position(|factor| factor.variable == *index);
     let flown: Vec<String> = own
         .iter()
-        .map(|index| &variables[*index])
-        .map(|v| {
-            format!(
-                "{} {} to {} {}",
-                v.called(),
-                number(v.span.low),
-                number(v.span.high),
-                v.unit_for_people()
-            )
+        .filter_map(|index| Some((&variables[*index], form.span(variables, factor_of(index)?))))
+        .map(|(v, span)| {
+            let [low, high] = [span.low, span.high].map(number);
+            format!("{} {low} to {high} {}", v.called(), v.unit_for_people())
         })
         .collect();
     format!("fly another pattern over a wider range (flown: {})", flown.join(", "))

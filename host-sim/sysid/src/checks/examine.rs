@@ -16,7 +16,8 @@ use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
 use crate::checks::{
-    bench, channels, coarse_commands, command_clock, gyro, imu, interpolated, motors, under_sampled,
+    accelerometer, bench, channels, coarse_commands, command_clock, gyro, imu, interpolated, motors,
+    under_sampled,
 };
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight, Mend, StandIn};
@@ -36,6 +37,8 @@ pub enum FaultKind {
     InconsistentFrames,
     /// A gyro that is not to scale, not at right angles, or drifts.
     GyroFault,
+    /// An accelerometer that is not to scale, not at right angles, or drifts.
+    AccelerometerFault,
     /// Motors numbered or spinning otherwise.
     WrongMotors,
     /// Commands at the ends of their range.
@@ -88,6 +91,7 @@ impl FaultKind {
             Self::WrongFrame => "wrong-frame",
             Self::InconsistentFrames => "inconsistent-frames",
             Self::GyroFault => "gyro-fault",
+            Self::AccelerometerFault => "accelerometer-fault",
             Self::WrongMotors => "wrong-motors",
             Self::SaturatedCommands => "saturated-commands",
             Self::FrozenChannel => "frozen-channel",
@@ -266,7 +270,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
         }
         tell_clocks(&clocks, &mut found);
         if frame.is_none() {
-            tell_gyro(&flight, &prepared, &mut found);
+            tell_sensors(&flight, &prepared, vehicle, &mut found);
         }
         if let Some(fault) = motors::check(&prepared, vehicle) {
             found.add(FaultKind::WrongMotors, Severity::Refused, fault.sentence);
@@ -294,11 +298,16 @@ fn imu_fault(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle) -> Option<
     if is_circular(flight) { None } else { imu::check(prepared, vehicle) }
 }
 
-/// Says what is wrong with the gyro. An estimator's attitude is made of it, and has its faults.
-fn tell_gyro(flight: &Flight, prepared: &Prepared, found: &mut Found) {
-    if !prepared.has_logged_velocity && !is_circular(flight) {
-        let faults = gyro::check(prepared);
-        faults.into_iter().for_each(|fault| found.add(FaultKind::GyroFault, Severity::Warning, fault));
+/// Says what is wrong with gyro and accelerometer. An estimator's attitude is made of them, and has their faults.
+fn tell_sensors(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle, found: &mut Found) {
+    if prepared.has_logged_velocity || is_circular(flight) {
+        return;
+    }
+    for (kind, faults) in [
+        (FaultKind::GyroFault, gyro::check(prepared)),
+        (FaultKind::AccelerometerFault, accelerometer::check(prepared, vehicle.gravity)),
+    ] {
+        faults.into_iter().for_each(|fault| found.add(kind, Severity::Warning, fault));
     }
 }
 
@@ -422,8 +431,9 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 23] = [
+    const KINDS: [FaultKind; 24] = [
         FaultKind::GyroFault,
+        FaultKind::AccelerometerFault,
         FaultKind::CoarseCommands,
         FaultKind::ClockOffset,
         FaultKind::ClockSkew,

@@ -1,116 +1,31 @@
 //! Does the gyro measure what the tracked attitude does: to scale, at right angles, with a steady bias?
 //!
-//! ```text
-//! rate of the attitude = N gyro + bias + drift t
-//! ```
-//!
-//! Both sides go through filters of equal response (`tracks.rs`), once the clocks agree. The gyro is the regressor: its noise
-//! is small beside that of a differentiated attitude, so that the factors are hardly too small. A tracked frame that is turned against the
-//! gyro shows as a rotation, the part of N that changes its sign with its indices: that is no fault of the gyro and is left to
-//! `attitude-offset`.
+//! The rates of the attitude and the gyro go through filters of equal response (`tracks.rs`), once the clocks agree. The gyro is the
+//! regressor (`linear_sensor.rs`): its noise is small beside that of a differentiated attitude, so that the factors are hardly too small.
 
-use nalgebra::Matrix3;
-use report::number::{fixed, with_error};
-
-use crate::checks::tracks::{self, Pair};
-use crate::fit::least_squares::{self, FlightRows, RowColumn};
+use crate::checks::linear_sensor::{Rows, Sensor};
+use crate::checks::tracks;
 use crate::prepare::Prepared;
 
-/// Time between the rows of the regression, s.
-const ROW_PERIOD_S: f64 = 0.03;
-/// Scales and cross axes that matter.
-const MATTERS: f64 = 0.02;
-/// Change of a bias over a flight that matters, rad/s.
-const MATTERS_RAD_S: f64 = 0.02;
-/// Standard errors that a fault stands out by.
-const SIGNIFICANT: f64 = 5.0;
-/// Rows of a regression at least: some seconds.
-const FEWEST_ROWS: usize = 300;
-const NAMES: [&str; 3] = ["p", "q", "r"];
-/// Factors, biases and drifts.
-const UNKNOWNS: usize = 15;
+const GYRO: Sensor = Sensor {
+    name: "gyro",
+    columns: ["p", "q", "r"],
+    tracked: "the rate of the tracked attitude",
+    unit: "rad/s",
+    drift_matters: 0.02,
+};
 
 /// Faults of the gyro, in sentences.
 pub fn check(flight: &Prepared) -> Vec<String> {
-    let pairs = tracks::rates(flight, |k, stretch| stretch.dcm[k]);
-    let (rows, length_s) = rows(&pairs, flight.period_s);
-    if rows.rows() < FEWEST_ROWS {
-        return Vec::new();
-    }
-    let Ok(solution) = least_squares::solve(&[rows], &[None; UNKNOWNS]) else { return Vec::new() };
-    let of = |k: usize| (solution.value[k], solution.covariance[(k, k)].max(0.0).sqrt());
-    let Some(gyro) = Matrix3::from_fn(|i, j| of(3 * i + j).0).try_inverse() else { return Vec::new() };
-    let error = |i: usize, j: usize| of(3 * i + j).1;
-    let mut found = Vec::new();
-    for i in 0..3 {
-        let (more, error) = (gyro[(i, i)] - 1.0, error(i, i));
-        if more.abs() > MATTERS.max(SIGNIFICANT * error) {
-            found.push(scale_sentence(NAMES[i], more, error));
+    let mut rows = Rows::new(flight.period_s);
+    for pair in tracks::rates(flight, |k, stretch| stretch.dcm[k]) {
+        rows.begin();
+        for k in (0..pair.len()).step_by(Rows::stride(flight.period_s)) {
+            let at = |signals: &[Vec<f64>; 3]| signals.each_ref().map(|signal| signal[k]);
+            rows.push(pair.start_s + k as f64 * flight.period_s, at(&pair.onboard), at(&pair.tracked));
         }
     }
-    for (i, j) in [(0, 1), (0, 2), (1, 2)] {
-        let (shared, error) = (0.5 * (gyro[(i, j)] + gyro[(j, i)]), 0.5 * error(i, j).hypot(error(j, i)));
-        if shared.abs() > MATTERS.max(SIGNIFICANT * error) {
-            found.push(format!(
-                "the gyro's {} and {} are not at right angles: each measures {} of the other",
-                NAMES[i],
-                NAMES[j],
-                with_error(100.0 * shared, 100.0 * error, "%")
-            ));
-        }
-    }
-    for (i, name) in NAMES.iter().enumerate() {
-        // What the gyro gains is taken out of the attitude's rate.
-        let (slope, error) = of(UNKNOWNS - 3 + i);
-        if (slope * length_s).abs() > MATTERS_RAD_S.max(SIGNIFICANT * error * length_s) {
-            let drift = with_error(-60.0 * slope, 60.0 * error, "rad/s");
-            found.push(format!("the bias of the gyro's {name} drifts by {drift} in a minute"));
-        }
-    }
-    found
-}
-
-fn scale_sentence(name: &str, more: f64, error: f64) -> String {
-    let than = if more > 0.0 { "larger" } else { "smaller" };
-    let by = with_error(100.0 * more.abs(), 100.0 * error, "%");
-    let scale = fixed(1.0 / (1.0 + more), 3);
-    format!(
-        "the gyro's {name} is {by} {than} than the rate of the tracked attitude: if the tracker is right, write {name} = {{ column = \
-         \"{name}\", scale = {scale} }} under [columns] in columns.toml"
-    )
-}
-
-/// The regression, and the time from its first row to its last, s.
-fn rows(pairs: &[Pair], period_s: f64) -> (FlightRows, f64) {
-    let stride = ((ROW_PERIOD_S / period_s).round() as usize).max(1);
-    let (middle_s, _) = tracks::span(pairs, period_s);
-    let mut targets: [Vec<f64>; 6] = Default::default();
-    let mut gyro: [Vec<f64>; 3] = Default::default();
-    let (mut times, mut starts) = (Vec::new(), Vec::new());
-    for pair in pairs {
-        starts.push(times.len());
-        for k in (0..pair.len()).step_by(stride) {
-            times.push(pair.start_s + k as f64 * period_s - middle_s);
-            for axis in 0..3 {
-                targets[3 + axis].push(pair.tracked[axis][k]);
-                gyro[axis].push(pair.onboard[axis][k]);
-            }
-        }
-    }
-    starts.dedup();
-    targets[..3].iter_mut().for_each(|target| *target = vec![0.0; times.len()]);
-    let on = |axis: usize, values: &Vec<f64>| {
-        let mut column = RowColumn::default();
-        column[3 + axis] = Some(values.clone());
-        column
-    };
-    let ones = vec![1.0; times.len()];
-    let mut columns = Vec::with_capacity(UNKNOWNS);
-    columns.extend((0..9).map(|k| on(k / 3, &gyro[k % 3])));
-    columns.extend((0..3).map(|axis| on(axis, &ones)));
-    columns.extend((0..3).map(|axis| on(axis, &times)));
-    let length_s = times.last().zip(times.first()).map_or(0.0, |(last, first)| last - first);
-    (FlightRows { targets, columns, starts, period_s: stride as f64 * period_s }, length_s)
+    rows.sensor_by_tracked().map(|gyro| gyro.faults(&GYRO, [true; 3])).unwrap_or_default()
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What is checked of flights, of a vehicle file and of a fit: faults are found and named, not fitted away.
 
+pub mod accelerometer;
 pub mod airborne;
 mod bench;
 pub mod channels;
@@ -14,6 +15,7 @@ pub mod frames;
 pub mod gyro;
 pub mod imu;
 pub mod interpolated;
+mod linear_sensor;
 pub mod motors;
 pub mod overlap;
 mod tracks;

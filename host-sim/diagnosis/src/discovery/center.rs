@@ -1,0 +1,184 @@
+//! Forces towards a point, and around a vertical axis: where these are, and what formulas say of them.
+
+use model::Sample;
+use nalgebra::Vector3;
+
+use crate::discovery::shapes::Span;
+
+/// Nearer than this there is no direction to the point or the axis, m. The name is that of the constant in formulas.
+pub(crate) const NEAREST: (&str, &str, f64) = ("nearest", "m", 0.001);
+
+/// Places of a craft that stand for all of a flight, about.
+const PLACES: usize = 400;
+
+/// How a force acts about a center.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum About {
+    /// Towards a point.
+    Point,
+    /// Horizontally towards a vertical axis.
+    Axis,
+    /// Horizontally around a vertical axis, clockwise seen from above.
+    Around,
+}
+
+/// A point or a vertical axis in the room, and how a force acts about it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Center {
+    pub(crate) about: About,
+    /// NED, m; down means nothing to an axis.
+    pub(crate) place_ned_m: [f64; 3],
+}
+
+impl About {
+    /// Names of the numbers that say where the center is.
+    pub(crate) const fn names(self) -> &'static [&'static str] {
+        match self {
+            Self::Point => &["point_north", "point_east", "point_down"],
+            Self::Axis | Self::Around => &["axis_north", "axis_east"],
+        }
+    }
+
+    /// Measured quantities that a force about a center depends on.
+    pub(crate) const fn quantities(self) -> &'static [&'static str] {
+        match self {
+            Self::Point => &["east", "height", "north"],
+            Self::Axis | Self::Around => &["east", "north"],
+        }
+    }
+
+    /// The distance as formulas spell it, with the names of where the center is.
+    pub(crate) fn distance(self, names: &[String]) -> String {
+        let squares: Vec<String> = ["north", "east", "down"]
+            .into_iter()
+            .zip(names)
+            .map(|(quantity, name)| format!("({quantity} - {name})^2"))
+            .collect();
+        format!("sqrt({})", squares.join(" + "))
+    }
+
+    /// The part of its direction along each axis of the room, as formulas spell it.
+    pub(crate) fn direction(self, names: &[String]) -> Vec<(&'static str, String)> {
+        let towards = ["north", "east", "down"].into_iter().zip(names);
+        let parts: Vec<(&'static str, String)> = match (self, names) {
+            (Self::Around, [north, east, ..]) => {
+                vec![("north", format!("({east} - east)")), ("east", format!("(north - {north})"))]
+            }
+            _ => towards.map(|(axis, name)| (axis, format!("({name} - {axis})"))).collect(),
+        };
+        let distance = self.distance(names);
+        let over = |part: String| format!("{part} / max({}, {distance})", NEAREST.0);
+        parts.into_iter().map(|(axis, part)| (axis, over(part))).collect()
+    }
+}
+
+impl Center {
+    /// The numbers that say where it is.
+    pub(crate) const fn count(self) -> usize {
+        self.about.names().len()
+    }
+
+    /// From a craft to it, NED, m.
+    fn to(self, position_ned_m: &Vector3<f64>) -> Vector3<f64> {
+        let mut to = Vector3::from(self.place_ned_m) - position_ned_m;
+        if self.about != About::Point {
+            to.z = 0.0;
+        }
+        to
+    }
+
+    /// How far a craft is from it, m.
+    #[inline]
+    pub(crate) fn distance_m(self, position_ned_m: &Vector3<f64>) -> f64 {
+        self.to(position_ned_m).norm()
+    }
+
+    /// Whether it is as far away as another one, from everywhere.
+    pub(crate) fn shares_distance(self, other: Self) -> bool {
+        let is_point = |center: Self| center.about == About::Point;
+        self.place_ned_m == other.place_ned_m && is_point(self) == is_point(other)
+    }
+
+    /// The direction in which a force acts on a craft, NED.
+    #[inline]
+    pub(crate) fn direction(self, sample: &Sample) -> Vector3<f64> {
+        let to = self.to(&sample.input.position_ned_m);
+        let unit = to / to.norm().max(NEAREST.2);
+        if self.about == About::Around { Vector3::new(unit.y, -unit.x, 0.0) } else { unit }
+    }
+
+    /// For people.
+    pub(crate) fn called(self) -> String {
+        let [north, east, down] = self.place_ned_m.map(|value| report::number::significant(value, 3));
+        match self.about {
+            About::Point => format!("the point at north {north} m, east {east} m, down {down} m"),
+            About::Axis | About::Around => format!("the vertical axis at north {north} m, east {east} m"),
+        }
+    }
+}
+
+/// Where flights went, NED, m.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Flown(Vec<Vector3<f64>>);
+
+impl Flown {
+    /// Of flights, thinned out.
+    pub(crate) fn new(flights: &[&sysid::Prepared]) -> Self {
+        let mut all = Vec::new();
+        for flight in flights {
+            let samples: usize = flight.stretches.iter().map(|stretch| stretch.time_s.len()).sum();
+            for stretch in &flight.stretches {
+                let at = |k: usize| Vector3::from(stretch.position_ned_m.each_ref().map(|axis| axis[k]));
+                all.extend((0..stretch.time_s.len()).step_by(samples.div_ceil(PLACES)).map(at));
+            }
+        }
+        Self(all)
+    }
+
+    /// Where a quantity of the place went.
+    fn span(&self, of: impl Fn(&Vector3<f64>) -> f64) -> Span {
+        let ends =
+            self.0.iter().map(of).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+                [low.min(value), high.max(value)]
+            });
+        Span { low: ends[0], high: ends[1] }
+    }
+
+    /// Distances from a center.
+    pub(crate) fn distances(&self, center: Center) -> Span {
+        self.span(|place| center.distance_m(place))
+    }
+
+    /// Along north, east or down.
+    pub(crate) fn along(&self, axis: usize) -> Span {
+        self.span(|place| place[axis])
+    }
+
+    /// Centers that every form is tried about, in and beside what was flown; those that share their distances beside each other.
+    pub(crate) fn centers(&self) -> Vec<Center> {
+        let spans = [0, 1, 2].map(|axis| self.along(axis));
+        if !spans.iter().all(Span::is_wide) {
+            return Vec::new();
+        }
+        let grid = |axis: usize, steps: [i32; 2], parts: i32| {
+            let span = spans[axis];
+            let place = move |k: i32| span.low + span.length() * f64::from(k) / f64::from(parts);
+            (steps[0]..=steps[1]).map(place).collect::<Vec<f64>>()
+        };
+        let every = |steps: [i32; 2], parts: i32, abouts: &[About], downs: &[f64]| {
+            let mut all = Vec::new();
+            for north in grid(0, steps, parts) {
+                for east in grid(1, steps, parts) {
+                    for down in downs {
+                        let at = |about: &About| Center { about: *about, place_ned_m: [north, east, *down] };
+                        all.extend(abouts.iter().map(at));
+                    }
+                }
+            }
+            all
+        };
+        let mut all = every([-1, 3], 2, &[About::Point], &grid(2, [-1, 3], 2));
+        all.extend(every([-1, 5], 4, &[About::Axis, About::Around], &[0.0]));
+        all
+    }
+}

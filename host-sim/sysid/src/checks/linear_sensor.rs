@@ -1,0 +1,190 @@
+//! Does a sensor on board measure what the tracker does: to scale, at right angles, with a steady bias?
+//!
+//! ```text
+//! tracked = N sensed + bias + drift t + further
+//! ```
+//!
+//! A tracked frame that is turned against the sensor shows as a rotation, the part of N that changes its sign with its indices: that is no
+//! fault of the sensor and is left to `attitude-offset`.
+
+use nalgebra::Matrix3;
+use report::number::{fixed, with_error};
+
+use crate::fit::least_squares::{self, FlightRows, RowColumn};
+
+/// Time between the rows of a regression, s.
+const ROW_PERIOD_S: f64 = 0.03;
+/// Scales and cross axes that matter.
+const MATTERS: f64 = 0.02;
+/// Standard errors that a fault stands out by.
+const SIGNIFICANT: f64 = 5.0;
+/// Rows of a regression at least: some seconds.
+const FEWEST_ROWS: usize = 300;
+/// Factors, biases and drifts.
+const UNKNOWNS: usize = 15;
+
+/// A motion as the sensor has it and as the tracker has it, row by row.
+#[derive(Default)]
+pub(super) struct Rows {
+    pub(super) sensed: [Vec<f64>; 3],
+    pub(super) tracked: [Vec<f64>; 3],
+    /// What else the tracked point may have: a column for each unknown.
+    pub(super) further: Vec<[Vec<f64>; 3]>,
+    time_s: Vec<f64>,
+    starts: Vec<usize>,
+    period_s: f64,
+}
+
+/// What a sensor makes of the true vector, with standard errors.
+pub(super) struct Linear {
+    matrix: Matrix3<f64>,
+    error: Matrix3<f64>,
+    /// Of the bias of each axis, its unit per second.
+    drift: [(f64, f64); 3],
+    length_s: f64,
+}
+
+/// A sensor for people.
+pub(super) struct Sensor {
+    pub(super) name: &'static str,
+    pub(super) columns: [&'static str; 3],
+    /// What the tracker says of it.
+    pub(super) tracked: &'static str,
+    pub(super) unit: &'static str,
+    /// Change of a bias over a flight that matters, in this unit.
+    pub(super) drift_matters: f64,
+}
+
+impl Rows {
+    /// None yet, of samples so far apart.
+    pub(super) fn new(period_s: f64) -> Self {
+        Self { period_s: Self::stride(period_s) as f64 * period_s, ..Self::default() }
+    }
+
+    /// Samples between two rows.
+    pub(super) fn stride(period_s: f64) -> usize {
+        ((ROW_PERIOD_S / period_s).round() as usize).max(1)
+    }
+
+    /// Says that the next row follows upon none.
+    pub(super) fn begin(&mut self) {
+        if self.starts.last() != Some(&self.time_s.len()) {
+            self.starts.push(self.time_s.len());
+        }
+    }
+
+    pub(super) fn push(&mut self, time_s: f64, sensed: [f64; 3], tracked: [f64; 3]) {
+        self.time_s.push(time_s);
+        for axis in 0..3 {
+            self.sensed[axis].push(sensed[axis]);
+            self.tracked[axis].push(tracked[axis]);
+        }
+    }
+
+    /// What the sensor makes of the tracked motion, where its noise is small beside that of the tracker: that of the regressor makes
+    /// factors too small.
+    pub(super) fn sensor_by_tracked(&self) -> Option<Linear> {
+        let Linear { matrix, error, drift, length_s } = self.regress(&self.tracked, &self.sensed, 1.0)?;
+        // What the sensor gains is taken out of the tracked motion.
+        let drift = drift.map(|(slope, error)| (-slope, error));
+        Some(Linear { matrix: matrix.try_inverse()?, error, drift, length_s })
+    }
+
+    /// The same where the noise of both may count: of the regressions of one on the other and of the other on the one, that which says
+    /// less, and nothing where they contradict each other.
+    pub(super) fn sensor_either_way(&self) -> Option<Linear> {
+        let one = self.sensor_by_tracked()?;
+        let other = self.regress(&self.sensed, &self.tracked, -1.0)?;
+        let same = Matrix3::identity();
+        let less = |row: usize, column: usize| {
+            let [own, theirs] = [&one, &other].map(|of| (of.matrix - same)[(row, column)]);
+            same[(row, column)]
+                + if own * theirs <= 0.0 { 0.0 } else { own.signum() * own.abs().min(theirs.abs()) }
+        };
+        let error = Matrix3::from_fn(|i, j| one.error[(i, j)].max(other.error[(i, j)]));
+        Some(Linear { matrix: Matrix3::from_fn(less), error, ..one })
+    }
+
+    /// One motion by the other, with further columns times a sign.
+    fn regress(&self, target: &[Vec<f64>; 3], on: &[Vec<f64>; 3], sign: f64) -> Option<Linear> {
+        let count = self.time_s.len();
+        if count < FEWEST_ROWS {
+            return None;
+        }
+        let (first_s, last_s) = (self.time_s[0], self.time_s[count - 1]);
+        let column = |axis: usize, values: Vec<f64>| {
+            let mut column = RowColumn::default();
+            column[3 + axis] = Some(values);
+            column
+        };
+        let times: Vec<f64> = self.time_s.iter().map(|time| time - 0.5 * (first_s + last_s)).collect();
+        let mut columns: Vec<RowColumn> = (0..9).map(|k| column(k / 3, on[k % 3].clone())).collect();
+        columns.extend((0..3).map(|axis| column(axis, vec![1.0; count])));
+        columns.extend((0..3).map(|axis| column(axis, times.clone())));
+        for further in &self.further {
+            let mut joint = RowColumn::default();
+            for (axis, values) in further.iter().enumerate() {
+                joint[3 + axis] = Some(values.iter().map(|value| sign * value).collect());
+            }
+            columns.push(joint);
+        }
+        let mut targets: [Vec<f64>; 6] = std::array::from_fn(|_| vec![0.0; count]);
+        targets[3..].clone_from_slice(target);
+        let unknowns = columns.len();
+        let rows = FlightRows { targets, columns, starts: self.starts.clone(), period_s: self.period_s };
+        let solution = least_squares::solve(&[rows], &vec![None; unknowns]).ok()?;
+        let of = |k: usize| (solution.value[k], solution.covariance[(k, k)].max(0.0).sqrt());
+        Some(Linear {
+            matrix: Matrix3::from_fn(|i, j| of(3 * i + j).0),
+            error: Matrix3::from_fn(|i, j| of(3 * i + j).1),
+            drift: std::array::from_fn(|i| of(UNKNOWNS - 3 + i)),
+            length_s: last_s - first_s,
+        })
+    }
+}
+
+impl Linear {
+    /// The faults of a sensor, in sentences; those of scale and cross axis only between axes that tell.
+    pub(super) fn faults(&self, sensor: &Sensor, tells: [bool; 3]) -> Vec<String> {
+        let Sensor { name, columns, unit, .. } = sensor;
+        let mut found = Vec::new();
+        for i in (0..3).filter(|i| tells[*i]) {
+            let (more, error) = (self.matrix[(i, i)] - 1.0, self.error[(i, i)]);
+            if more.abs() > MATTERS.max(SIGNIFICANT * error) {
+                found.push(sensor.scale_sentence(columns[i], more, error));
+            }
+        }
+        for (i, j) in [(0, 1), (0, 2), (1, 2)].into_iter().filter(|(i, j)| tells[*i] && tells[*j]) {
+            let shared = 0.5 * (self.matrix[(i, j)] + self.matrix[(j, i)]);
+            let error = 0.5 * self.error[(i, j)].hypot(self.error[(j, i)]);
+            if shared.abs() > MATTERS.max(SIGNIFICANT * error) {
+                found.push(format!(
+                    "the {name}'s {} and {} are not at right angles: each measures {} of the other",
+                    columns[i],
+                    columns[j],
+                    with_error(100.0 * shared, 100.0 * error, "%")
+                ));
+            }
+        }
+        for (column, (slope, error)) in columns.iter().zip(self.drift) {
+            if (slope * self.length_s).abs() > sensor.drift_matters.max(SIGNIFICANT * error * self.length_s) {
+                let drift = with_error(60.0 * slope, 60.0 * error, unit);
+                found.push(format!("the bias of the {name}'s {column} drifts by {drift} in a minute"));
+            }
+        }
+        found
+    }
+}
+
+impl Sensor {
+    fn scale_sentence(&self, column: &str, more: f64, error: f64) -> String {
+        let Self { name, tracked, .. } = self;
+        let than = if more > 0.0 { "larger" } else { "smaller" };
+        let by = with_error(100.0 * more.abs(), 100.0 * error, "%");
+        let scale = fixed(1.0 / (1.0 + more), 3);
+        format!(
+            "the {name}'s {column} is {by} {than} than {tracked}: if the tracker is right, write {column} = {{ column = \"{column}\", \
+             scale = {scale} }} under [columns] in columns.toml"
+        )
+    }
+}
