@@ -261,9 +261,10 @@ impl<'a> CrossProducts<'a> {
             let Some(first) = axis.parameters.iter().position(|parameter| own(&parameter)) else { continue };
             let width = axis.parameters.iter().filter(own).count() * hats;
             let to = (axis.parameters[first] - parameters.start) * hats;
-            let upright = axis.values.rows(first * hats, width).transpose();
+            let rows = axis.values.rows(first * hats, width);
             let mut block = gram.view_mut((to, to), (width, width));
-            block += upright.tr_mul(&upright);
+            // Not by `tr_mul`: that multiplies without blocks.
+            block.gemm(1.0, &rows, &rows.transpose(), 1.0);
             let mut block = with.rows_mut(to, width);
             block += against.rows(first * hats, width);
         }
