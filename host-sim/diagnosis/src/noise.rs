@@ -19,6 +19,7 @@
 use std::f64::consts::TAU;
 
 use model::Model;
+use rustfft::num_complex::Complex;
 
 use crate::reason::Dependence;
 use sysid::Residuals;
@@ -357,15 +358,17 @@ pub(crate) fn strongest_frequency(flights: &[&Prepared], residuals: &[Residuals]
     for (flight, residual) in flights.iter().zip(residuals) {
         let signal = &residual.residual[axis];
         let n = signal.len() as f64;
+        let hann = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / n).cos();
+        let windowed: Vec<f64> = signal.iter().enumerate().map(|(k, e)| hann(k) * e).collect();
         for (sum, frequency) in power.iter_mut().zip(&grid) {
-            let (mut real, mut imaginary) = (0.0, 0.0);
-            for (k, e) in signal.iter().enumerate() {
-                let hann = 0.5 - 0.5 * (TAU * k as f64 / n).cos();
-                let angle = TAU * frequency * flight.period_s * k as f64;
-                real += hann * e * angle.cos();
-                imaginary += hann * e * angle.sin();
+            // The wave turns on from sample to sample, which is a multiplication and no cosine.
+            let turn = Complex::cis(TAU * frequency * flight.period_s);
+            let (mut wave, mut found) = (Complex::new(1.0, 0.0), Complex::new(0.0, 0.0));
+            for e in &windowed {
+                found += wave * *e;
+                wave *= turn;
             }
-            *sum += (real * real + imaginary * imaginary) / n;
+            *sum += found.norm_sqr() / n;
         }
     }
     let total: f64 = power.iter().sum();

@@ -31,9 +31,16 @@ pub(crate) fn or_by_other_splits(
     if diagnosis.best().is_some() || flights.len() > FEW || !diagnosis.effects.iter().any(is_lost) {
         return Ok(diagnosis);
     }
+    let of = flights.len();
     let mut found: Vec<Effect> = Vec::new();
-    let mut steps = Steps::new(observer, flights.len());
+    let times = |found: &[Effect], effect: Effect| found.iter().filter(|other| **other == effect).count();
+    let mut steps = Steps::new(observer, of);
     for (k, held_out) in flights.iter().enumerate() {
+        // The splits that are left may be too few for any of them.
+        let is_open = |f: &EffectFinding| is_lost(f) && 2 * (times(&found, f.effect) + of - k) > of;
+        if !diagnosis.effects.iter().any(is_open) {
+            break;
+        }
         steps.next(&format!("diagnosing with {} held out", held_out.name))?;
         let rest: Vec<&Prepared> =
             flights.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, f)| *f).collect();
@@ -42,12 +49,10 @@ pub(crate) fn or_by_other_splits(
         going_on(observer)?;
     }
     let Diagnosis { mut effects, unexplained, not_identified, .. } = diagnosis;
-    let times = |effect: Effect| found.iter().filter(|other| **other == effect).count();
-    let of = flights.len();
-    let confirmed = effects.iter_mut().find(|f| is_lost(f) && 2 * times(f.effect) > of);
+    let confirmed = effects.iter_mut().find(|f| is_lost(f) && 2 * times(&found, f.effect) > of);
     if let Some(finding) = confirmed {
         finding.supported = true;
-        finding.reason = Reason::OnOtherSplits { found: times(finding.effect), of };
+        finding.reason = Reason::OnOtherSplits { found: times(&found, finding.effect), of };
     }
     effects.sort_by_key(|finding| !finding.supported);
     Ok(conclude(effects, unexplained, not_identified))
