@@ -11,6 +11,7 @@ use model::{Axis, Effect, Model, PerAxis, effects};
 use sysid::{Fit, FitError};
 
 use crate::addition::add_from;
+use crate::criteria::HELD_OUT_SIGNIFICANCE;
 use crate::diagnose::what_is_left;
 use crate::discovery::candidates::{Candidates, candidates};
 use crate::discovery::choice::{quantities, ranked, rivals};
@@ -34,6 +35,8 @@ use crate::{Addition, Options};
 const MOST_TERMS: usize = 3;
 /// Forms that are looked at until one can be fitted with the model's own coefficients and holds on the flights held out.
 const FITTED: usize = 8;
+/// Forms of an axis that the flights held out are asked of at most.
+const MOST_QUESTIONS: usize = 2;
 /// Fits of a term with the levers of the model that came of the one before.
 const LEVER_STEPS: usize = 2;
 /// Rivals that are fitted and judged beside the first proposal.
@@ -133,6 +136,27 @@ enum Next {
     Refused(String),
 }
 
+/// What the flights held out were asked of an axis: whether a form of so many numbers predicts them.
+struct Asked {
+    axis: Axis,
+    numbers: usize,
+}
+
+/// How many questions the flights held out are asked of some axes once they are asked of a form of so many numbers. Two are too many
+/// unless this one is simpler: what is fitted to the one flight that shows it may go astray in others, where something simpler does not.
+fn questions(axes: &[Axis], numbers: usize, asked: &[Asked]) -> Option<usize> {
+    let of = |axis: &Axis| asked.iter().filter(|before| before.axis == *axis).count();
+    let questions = 1 + axes.iter().map(of).max().unwrap_or(0);
+    let is_simpler = asked.iter().filter(|one| axes.contains(&one.axis)).all(|one| numbers < one.numbers);
+    (questions <= MOST_QUESTIONS && is_simpler).then_some(questions)
+}
+
+/// Whether a form is borne out by flights held out that were asked so many questions (Bonferroni).
+fn holds(addition: &Addition, questions: usize) -> bool {
+    let is_enough = |p_value: f64| p_value < HELD_OUT_SIGNIFICANCE / questions as f64;
+    addition.finding.supported && (questions == 1 || addition.finding.held_out_p_value.is_some_and(is_enough))
+}
+
 /// What is searched.
 struct Hunt<'a> {
     model: &'a Model,
@@ -149,7 +173,7 @@ impl Hunt<'_> {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
         let id = format!("discovered-term-{}", terms.len() + 1);
         let mut refused: Option<String> = None;
-        let mut asked: Vec<Axis> = Vec::new();
+        let mut asked: Vec<Asked> = Vec::new();
         // All terms together become one effect of users, which has its limits.
         let joins = |chosen: &&Refined| {
             let all: Vec<Refined> = terms.iter().chain([*chosen]).cloned().collect();
@@ -157,17 +181,15 @@ impl Hunt<'_> {
             effects::check(&file_of(vec![joint.definition]), Path::new(HERE)).is_ok()
         };
         for chosen in ranked(&found.refined, self.variables).into_iter().filter(joins).take(FITTED) {
-            // The flights held out are asked once of each axis.
-            if chosen.form.channel.axes().iter().any(|axis| asked.contains(axis)) {
-                continue;
-            }
+            let (axes, numbers) = (chosen.form.channel.axes(), chosen.form.count(self.variables));
+            let Some(questions) = questions(axes, numbers, &asked) else { continue };
             let defined = define(&id, "A term.".into(), std::slice::from_ref(chosen), self.variables);
             let why = match self.judge(about, &defined) {
-                Ok(addition) if addition.finding.supported => {
+                Ok(addition) if holds(&addition, questions) => {
                     return Next::Term(Box::new(self.settled(about, &id, chosen, addition.fit)));
                 }
                 Ok(addition) => {
-                    asked.extend(chosen.form.channel.axes());
+                    asked.extend(axes.iter().map(|axis| Asked { axis: *axis, numbers }));
                     addition.finding.reason.to_string()
                 }
                 // What cannot be fitted with the model's own coefficients takes no answer away.
@@ -331,4 +353,23 @@ const MOST_SENTENCE: usize = 290;
 /// Proposals as the text of a file of users' effects.
 pub fn effects_file(proposals: &[Proposal]) -> String {
     file_of(proposals.iter().map(|proposal| proposal.definition.clone()).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn flights_held_out_are_asked_twice_of_an_axis_and_the_second_time_of_something_simpler() {
+        let vertical: &[Axis] = &[Axis::W];
+        let forces: &[Axis] = &[Axis::U, Axis::V, Axis::W];
+        assert_eq!(questions(vertical, 5, &[]), Some(1));
+        let once = [Asked { axis: Axis::W, numbers: 5 }];
+        assert_eq!(questions(vertical, 3, &once), Some(2));
+        assert_eq!(questions(forces, 3, &once), Some(2), "one of its axes was asked");
+        assert_eq!(questions(vertical, 5, &once), None, "it is no simpler");
+        assert_eq!(questions(&[Axis::P], 7, &once), Some(1), "another axis");
+        let twice = [Asked { axis: Axis::W, numbers: 5 }, Asked { axis: Axis::W, numbers: 3 }];
+        assert_eq!(questions(vertical, 2, &twice), None);
+    }
 }
