@@ -67,8 +67,9 @@ impl Quantities {
             values.fill(center.distance_m(&sample.input.position_ned_m));
         };
         let of_flight = |flight: &sysid::Prepared| flight.quantity_signals(1, &[], problem.model, of);
-        let signals = problem.prepared().flat_map(of_flight).collect();
-        Self((0..=distance).map(|_| None).chain([Some(signals)]).skip(1).collect())
+        let mut all: Vec<Option<Vec<QuantitySignal>>> = (0..distance).map(|_| None).collect();
+        all.push(Some(problem.prepared().flat_map(of_flight).collect()));
+        Self(all)
     }
 }
 

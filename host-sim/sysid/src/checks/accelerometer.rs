@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::checks::frame_taps::Taps;
 use crate::checks::linear_sensor::{Rows, Sensor};
-use crate::prepare::{Prepared, Stretch, vector};
+use crate::prepare::{Prepared, Stretch, push, vector};
 use crate::statistics::deviation;
 
 const ACCELEROMETER: Sensor = Sensor {
@@ -40,7 +40,7 @@ pub fn check(flight: &Prepared, gravity_m_s2: f64) -> Vec<String> {
     let mut rows = Rows::new(flight.period_s);
     rows.further = vec![Default::default(); 5];
     for stretch in &flight.stretches {
-        push(&mut rows, stretch, &taps, (flight.period_s, gravity_m_s2));
+        push_rows(&mut rows, stretch, &taps, (flight.period_s, gravity_m_s2));
     }
     let tells = rows.tracked.each_ref().map(|axis| axis.len() > 1 && deviation(axis) > EXCITED_M_S2);
     let found = rows.sensor_either_way().map(|sensor| sensor.faults(&ACCELEROMETER, tells));
@@ -48,15 +48,15 @@ pub fn check(flight: &Prepared, gravity_m_s2: f64) -> Vec<String> {
 }
 
 /// Appends the rows of a stretch.
-fn push(rows: &mut Rows, stretch: &Stretch, taps: &Taps, (period_s, gravity_m_s2): (f64, f64)) {
+fn push_rows(rows: &mut Rows, stretch: &Stretch, taps: &Taps, (period_s, gravity_m_s2): (f64, f64)) {
     let Some(imu) = &stretch.imu_m_s2 else { return };
     let count = stretch.time_s.len();
     let mut force: [Vec<f64>; 3] = Default::default();
     let mut levers: [[Vec<f64>; 3]; 3] = Default::default();
     for (k, dcm) in stretch.dcm.iter().enumerate() {
         let upright: Matrix3<f64> = dcm.transpose();
-        put(&mut force, upright * vector(imu, k));
-        levers.iter_mut().enumerate().for_each(|(axis, lever)| put(lever, upright.column(axis).into()));
+        push(&mut force, upright * vector(imu, k));
+        levers.iter_mut().enumerate().for_each(|(axis, lever)| push(lever, upright.column(axis).into()));
     }
     rows.begin();
     let gravity = Vector3::new(0.0, 0.0, gravity_m_s2);
@@ -70,12 +70,8 @@ fn push(rows: &mut Rows, stretch: &Stretch, taps: &Taps, (period_s, gravity_m_s2
         let jerk = (acceleration(k + 1) - acceleration(k - 1)) / (2.0 * period_s);
         let late = [vector(&stretch.rate_rad_s, k).cross(&tracked), dcm * jerk];
         let levers = levers.iter().map(|lever| dcm * taps.at(&taps.second, lever, k));
-        rows.further.iter_mut().zip(levers.chain(late)).for_each(|(column, value)| put(column, value));
+        rows.further.iter_mut().zip(levers.chain(late)).for_each(|(column, value)| push(column, value));
     }
-}
-
-fn put(signals: &mut [Vec<f64>; 3], value: Vector3<f64>) {
-    signals.iter_mut().zip(value.iter()).for_each(|(signal, value)| signal.push(*value));
 }
 
 #[cfg(test)]

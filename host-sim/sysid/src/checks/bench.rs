@@ -7,6 +7,7 @@ use flights::{Column, Flight, StandIn};
 use model::Vehicle;
 
 use super::airborne::STOPPED;
+use super::channels::COMMANDS;
 use crate::prepare::PrepareError;
 
 /// Longest gap in a log that is taken, s.
@@ -14,7 +15,6 @@ const LONGEST_GAP_S: f64 = 3600.0;
 /// No rotor that carries a craft turns slower, rad/s.
 const SLOWEST_ROTOR_RAD_S: f64 = 10.0;
 
-const COMMANDS: [Column; 4] = [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4];
 pub(super) const SPEEDS: [Column; 4] = [Column::Omega1, Column::Omega2, Column::Omega3, Column::Omega4];
 
 /// Refuses a gap over an hour between two rows that are asked for.

@@ -13,7 +13,7 @@ use crate::checks::frame_relations::{LEAST_ROWS, MENDED, ROW_PERIOD_S, Relation,
 use crate::checks::frame_taps::Taps;
 use crate::checks::frames::{BETTER_BY, FrameFault};
 use crate::checks::tracks::Axes;
-use crate::prepare::{Prepared, vector};
+use crate::prepare::{Prepared, push, vector};
 use crate::statistics::{correlation, deviation, mean};
 
 /// Correlation under which an IMU is in doubt, and forces under which it tells nothing, m/s^2. To the sides a craft feels its
@@ -124,7 +124,7 @@ fn relation(flight: &Prepared, vehicle: &Vehicle, undo: &Undo) -> Relation {
         for k in 0..count {
             let dcm = &stretch.dcm[k];
             let force = dcm.tr_mul(&undo(vector(imu, k), dcm, vehicle.gravity));
-            turned.iter_mut().zip(force.iter()).for_each(|(column, f)| column.push(*f));
+            push(&mut turned, force);
         }
         for k in (taps.half()..count - taps.half()).step_by(stride) {
             let dcm = &stretch.dcm[k];

@@ -153,12 +153,9 @@ fn products(flight: &Prepared, vehicle: &Vehicle, delay_s: f64) -> Products {
 
 #[cfg(test)]
 mod tests {
-    use flights::Column;
-
     use super::*;
+    use crate::checks::channels::COMMANDS;
     use crate::testing::{NONE, fly, truth};
-
-    const COMMANDS: [Column; 4] = [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4];
 
     /// A flight whose column cmd k+1 is that of the motor at `place[k]`.
     fn numbered(place: [usize; 4]) -> Prepared {

@@ -11,7 +11,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{RegressionFilter, compose, sum_of_products};
-use crate::prepare::{Prepared, Stretch, vector};
+use crate::prepare::{Prepared, Stretch, push, vector};
 
 /// Largest offset looked for, s.
 const MOST_OFFSET_S: f64 = 0.26;
@@ -92,8 +92,7 @@ pub(crate) fn forces(flight: &Prepared) -> Vec<Pair> {
             let count = stretch.time_s.len();
             let mut turned: [Vec<f64>; 3] = Default::default();
             for k in 0..count {
-                let force = stretch.dcm[k].tr_mul(&vector(imu, k));
-                turned.iter_mut().zip(force.iter()).for_each(|(column, f)| column.push(*f));
+                push(&mut turned, stretch.dcm[k].tr_mul(&vector(imu, k)));
             }
             let at = |signal: &Vec<f64>, taps: &[f64]| -> Vec<f64> {
                 (half..count - half).map(|k| sum_of_products(&signal[k - half..], taps)).collect()

@@ -23,4 +23,4 @@ pub use outliers::Outlier;
 pub use prepared::{ForceTarget, Prepared};
 pub use states::{Part, States};
 pub use stretch::{RotorTrack, Stretch, smoothed};
-pub(crate) use stretch::{subtract, vector};
+pub(crate) use stretch::{push, subtract, vector};

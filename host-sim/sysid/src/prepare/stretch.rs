@@ -221,6 +221,11 @@ pub(crate) fn vector(parts: &[Vec<f64>; 3], k: usize) -> Vector3<f64> {
     Vector3::new(parts[0][k], parts[1][k], parts[2][k])
 }
 
+/// Appends a vector to its three parts.
+pub(crate) fn push(parts: &mut [Vec<f64>; 3], value: Vector3<f64>) {
+    parts.iter_mut().zip(value.iter()).for_each(|(part, v)| part.push(*v));
+}
+
 pub(crate) fn subtract(parts: &mut [Vec<f64>; 3], k: usize, amount: Vector3<f64>) {
     parts.iter_mut().zip(amount.iter()).for_each(|(part, a)| part[k] -= a);
 }
