@@ -7,7 +7,7 @@ use std::path::Path;
 use common::{ORDINARY, fly, truth};
 use diagnosis::workflow::{FlightSets, Reading, Silent, discover, prepare_to_discover};
 use diagnosis::{Discovery, DiscoveryVerdict, Options};
-use flights::Flight;
+use flights::{Column, Flight};
 use model::{Effect, Model, Plant, State};
 use nalgebra::Vector3;
 
@@ -134,6 +134,55 @@ fn what_depends_on_the_last_second_is_found_with_its_time() {
     // It joins a model like any other.
     let with = discovery.model.effects();
     assert!(with.iter().any(|effect| !effect.lags().is_empty()));
+}
+
+/// Thrust falls with the energy used. Some logs begin long before the craft takes off, so that time is not energy.
+#[test]
+fn what_depends_on_the_energy_used_is_told_from_the_time() {
+    let text = "[[effect]]\nid = \"tired\"\nacceleration.w = \"thrust * k * integral(power)\"\ncoefficient = \
+                [{ name = \"k\", unit = \"1/J\", possible = [-1.0, 1.0], typical = 1e-5}]\n";
+    let hidden = world(text, &[0.0]);
+    prepare_to_discover();
+    let vehicle = truth().vehicle;
+    let energy_j = 15.0 * 4.0 * vehicle.beta_kg_m() * vehicle.rotor_radius * HOVER_RAD_S.powi(3);
+    let k = 0.08 * truth().term(Effect::Thrust).unwrap().coefficients[0].value.abs() / energy_j;
+    let mut tired = hidden.clone();
+    tired.set(*hidden.effects().last().unwrap(), &[k]);
+    let waits_s = [0.0, 9.0, 4.0, 12.0, 2.0];
+    let flown: Vec<Flight> = waits_s
+        .iter()
+        .zip(1..)
+        .map(|(wait_s, seed)| after_waiting(&fly(&tired, seed, 15.0, &ORDINARY), *wait_s))
+        .collect();
+    let (train, validate) = flown.split_at(3);
+    let mut sets = FlightSets::from_flights(train, validate, &vehicle, Reading::default(), &Silent).unwrap();
+    let model = sysid::fit(&sets.train(), &vehicle, &truth().effects(), None).unwrap().model;
+    let discovery = discover(&model, &[], &mut sets, &Options::default(), &Silent).unwrap();
+    let best = &discovery.proposals[0];
+    assert_eq!(best.quantities, ["energy"], "{}", best.formula);
+    assert!(best.formula.contains("integral(power)") && best.sentence.contains("energy used"), "{best:?}");
+    assert!(best.share_of_structure_percent > 90.0, "{best:?}");
+}
+
+/// A log that begins a while before the craft takes off, with a second at rest on the floor.
+fn after_waiting(flight: &Flight, wait_s: f64) -> Flight {
+    const AT_REST: usize = 100;
+    let waiting = if wait_s > 0.0 { AT_REST } else { 0 };
+    let column = |column: Column| {
+        let flown = flight.column(column)?;
+        let rest = |k: usize| match column {
+            Column::T => 0.01 * k as f64,
+            Column::Cmd1 | Column::Cmd2 | Column::Cmd3 | Column::Cmd4 => 1050.0,
+            Column::Vbat => flown[0],
+            _ => 0.0,
+        };
+        let late_s = if column == Column::T { wait_s } else { 0.0 };
+        let values = (0..waiting).map(rest).chain(flown.iter().map(|value| value + late_s)).collect();
+        Some((column, values))
+    };
+    use Column::*;
+    let columns = [T, X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat];
+    Flight::from_columns(flight.name.clone(), columns.into_iter().filter_map(column))
 }
 
 /// A jet across the room at an angle.

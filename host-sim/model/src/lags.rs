@@ -1,6 +1,7 @@
-//! What a craft or its air remembers: quantities behind first-order lags, as formulas of users name them.
+//! What a craft or its air remembers: quantities behind first-order lags, and their integrals, as formulas of users name them.
 //!
 //! A lag of time T follows x by m' = (x - m) / T: the mean of the past weighted by exp(-age / T). A lag of a lag is a second-order one.
+//! An integral has m' = x, from 0 where the craft begins to fly: energy used is that of power.
 //! What a formula looks back at is part of the state of a craft ([`crate::State`]): it is integrated with the rest, and taken from what
 //! was measured where a flight is regressed.
 
@@ -26,13 +27,13 @@ pub enum Followed {
     Lag(LagId),
 }
 
-/// A quantity behind a first-order lag.
+/// A quantity behind a first-order lag, or its integral.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Lag {
     /// What it follows.
     pub of: Followed,
-    /// Its time, s.
-    pub time_s: f64,
+    /// Its time, s; nothing of an integral over the flight.
+    pub time_s: Option<f64>,
 }
 
 static KNOWN: RwLock<Vec<Lag>> = RwLock::new(Vec::new());
@@ -119,15 +120,32 @@ impl Lags {
         if is_begun { *memory } else { self.settled(sample) }
     }
 
-    /// What is remembered where it has always been as in a sample.
+    /// Whether one of them is an integral, which knows all of its flight.
+    pub fn any_integral(&self) -> bool {
+        self.all.iter().any(|(_, lag)| lag.time_s.is_none())
+    }
+
+    /// What is remembered where it has always been as in a sample, and a flight begins.
     pub fn settled(&self, sample: &Sample) -> Memory {
         let mut memory = Memory::default();
         for (place, (id, lag)) in self.all.iter().enumerate() {
             let value = followed(lag.of, sample, &memory);
             memory.lags[place] = id.0;
-            memory.values[place] = value;
+            memory.values[place] = if lag.time_s.is_some() { value } else { 0.0 };
         }
         memory
+    }
+
+    /// What is remembered where a flight goes on after a gap: integrals go straight across it, and for all else it begins anew.
+    pub fn resumed(&self, memory: &Memory, [before, after]: [&Sample; 2], gap_s: f64) -> Memory {
+        let across = self.after(memory, [before, after], gap_s);
+        let mut anew = self.settled(after);
+        for (place, (_, lag)) in self.all.iter().enumerate() {
+            if lag.time_s.is_none() {
+                anew.values[place] = across.values[place];
+            }
+        }
+        anew
     }
 
     /// What is remembered `time_s` after a memory, where what is followed runs straight from one sample to the other.
@@ -135,10 +153,16 @@ impl Lags {
         let mut next = *memory;
         for (place, (_, lag)) in self.all.iter().enumerate() {
             let (from, to) = (followed(lag.of, before, memory), followed(lag.of, after, &next));
-            let keep = (-time_s / lag.time_s).exp();
-            // A lag follows a ramp at a distance of its time times the slope.
-            let behind = (to - from) / time_s * lag.time_s * (1.0 - keep);
-            next.values[place] = to - behind + (memory.values[place] - from) * keep;
+            let own = memory.values[place];
+            next.values[place] = lag.time_s.map_or_else(
+                || own + 0.5 * time_s * (from + to),
+                |lag_s| {
+                    let keep = (-time_s / lag_s).exp();
+                    // A lag follows a ramp at a distance of its time times the slope.
+                    let behind = (to - from) / time_s * lag_s * (1.0 - keep);
+                    to - behind + (own - from) * keep
+                },
+            );
         }
         next
     }
@@ -161,7 +185,30 @@ mod tests {
     use crate::{Model, Plant, State};
 
     fn lag(of: Followed, time_s: f64) -> LagId {
-        Lag { of, time_s }.id().unwrap()
+        Lag { of, time_s: Some(time_s) }.id().unwrap()
+    }
+
+    /// Of x = 3 t + 1 over 2 s from t = 1 s.
+    #[test]
+    fn an_integral_begins_with_its_flight() {
+        let down = Quantity::named("down").unwrap();
+        let own = Lag { of: Followed::Quantity(down), time_s: None }.id().unwrap();
+        let (plant, lags) = (Plant::new(&Model::thesis()), Lags::new([own]));
+        assert!(lags.any_integral() && !Lags::new([lag(Followed::Quantity(down), 0.5)]).any_integral());
+        let input = |time_s: f64| {
+            plant.input(
+                &State::at_rest(Vector3::new(0.0, 0.0, 3.0 * time_s + 1.0), [0.0; 4]),
+                &[0.0; 4],
+                11.0,
+            )
+        };
+        let mut memory = lags.settled(&plant.sample_of(&input(1.0)));
+        for k in 0..200 {
+            let ends = [k, k + 1].map(|k| input(1.0 + 0.01 * f64::from(k)));
+            let samples = ends.each_ref().map(|end| plant.sample_of(end));
+            memory = lags.after(&memory, [&samples[0], &samples[1]], 0.01);
+        }
+        assert!((memory.of(own) - 14.0).abs() < 1e-9, "{}", memory.of(own));
     }
 
     /// Of the height of a craft that climbs 2 m/s from 0 m: T of it behind once settled, and x = v (t - T (1 - exp(-t / T))).

@@ -104,7 +104,7 @@ pub enum ModelError {
     },
     /// An effect that looks back, where there is no past.
     #[error(
-        "{}: effect \"{effect}\" looks back with lag(...), and a craft at rest has no past; take a model without this effect",
+        "{}: effect \"{effect}\" looks back with lag(...) or integral(...), and a craft at rest has no past; take a model without this effect",
         path.display()
     )]
     LooksBack {

@@ -87,6 +87,11 @@ pub const QUANTITIES: &[Quantity] = &[
         .in_commands("cmd/s"),
     quantity("domega4", "rad/s^2", "acceleration of rotor 4", |s| s.input.rotor_acceleration_rad_s2[3])
         .in_commands("cmd/s"),
+    quantity("power", "W", "shaft power of all rotors divided by their torque coefficient", |s| {
+        let beta_m2 = s.constants.beta_kg_m * s.constants.rotor_radius_m;
+        beta_m2 * s.input.rotor_rad_s.iter().map(|speed| speed.abs().powi(3)).sum::<f64>()
+    })
+    .in_commands("kg m^2 cmd^3"),
     quantity("vbat", "V", "battery voltage", |s| s.input.battery_v),
     quantity("mass", "kg", "mass of the craft", |s| s.mass_kg()),
     quantity("gravity", "m/s^2", "acceleration of free fall", |s| s.constants.gravity_m_s2),

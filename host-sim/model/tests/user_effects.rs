@@ -357,6 +357,61 @@ fn a_look_back_names_a_quantity_and_a_constant_time() {
     }
 }
 
+const TIRED: &str = r#"
+[[effect]]
+id = "tired"
+acceleration.w = "thrust * k * integral(power)"
+coefficient = [{ name = "k", unit = "1/J", possible = [-1.0, 1.0], typical = 1e-6 }]
+constant = [{ name = "memory", unit = "s", value = 0.4 }]
+"#;
+
+#[test]
+fn an_integral_has_its_own_unit_and_takes_a_quantity() {
+    effect(TIRED);
+    effect(&TIRED.replace("integral(power)", "integral(lag(power, memory))").replace("tired", "tired-later"));
+    for (to, expected) in [
+        ("power", "has the unit m/s^3"),
+        ("integral(k)", "\"k\" does not change: integral(...) takes a measured quantity first"),
+        ("integral(power, memory)", "integral(...) takes a quantity, such as integral(power)"),
+        ("integral()", "integral(...) takes a quantity, such as integral(power)"),
+        ("integral(2 * power)", "integral(...) takes the name of a quantity, such as integral(power)"),
+        ("integral + power", "integral is a function; write integral(...)"),
+        ("integral(integral(integral(power)))", "lags are nested deeper than 2"),
+        ("integral(energy)", "unknown name \"energy\""),
+    ] {
+        let why = refused(&TIRED.replacen("integral(power)", to, 1));
+        assert!(why.contains(expected), "{to}: {why}");
+    }
+}
+
+/// Four rotors at one speed for half a second: beta R omega^3 each.
+#[test]
+fn energy_used_is_that_of_the_rotors_and_pulls_on_the_craft() {
+    let tired = effect(&TIRED.replace("\"tired\"", "\"tired-battery\""));
+    let mut model = Model::thesis();
+    let k = 1e-6;
+    model.set(tired, &[k]);
+    let without = Plant::new(&Model::thesis());
+    let plant = Plant::new(&model);
+    let speed_rad_s = 500.0;
+    let mut state = State::at_rest(Vector3::zeros(), [speed_rad_s; 4]);
+    for _ in 0..50 {
+        plant.step(&mut state, &[speed_rad_s; 4], 11.1, &plant.substeps(0.01, 1));
+    }
+    let vehicle = &model.vehicle;
+    let energy_j = 4.0 * vehicle.beta_kg_m() * vehicle.rotor_radius * speed_rad_s.powi(3) * 0.5;
+    let own = |plant: &Plant| {
+        plant.accelerations(&plant.sample_of(&plant.input(&state, &[speed_rad_s; 4], 11.1)))[2]
+    };
+    let thrust_m_s2 = 4.0 * vehicle.beta_kg_m() * speed_rad_s.powi(2) / vehicle.mass;
+    let expected = k * energy_j * thrust_m_s2;
+    assert!(
+        ((own(&plant) - own(&without)) / expected - 1.0).abs() < 1e-6,
+        "{} {expected}",
+        own(&plant) - own(&without)
+    );
+}
+
 /// Held at a speed through the air, the first lag comes to it as 1 - exp(-t / a), and the second behind it as
 /// 1 - (a exp(-t / a) - b exp(-t / b)) / (a - b). In still air a craft that falls freely gains g t, and its first lag is g a
 /// (t / a - 1 + exp(-t / a)).

@@ -15,6 +15,8 @@ pub enum Purpose {
     Waypoints = 3,
     /// Craft, air, battery and faults of a flight that is drawn.
     Conditions = 4,
+    /// Gusts.
+    Gusts = 5,
 }
 
 /// The stream of `seed` for one purpose. PCG 64 gives the same numbers on every machine.

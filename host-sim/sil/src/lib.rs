@@ -40,7 +40,7 @@ mod laboratory;
 pub mod same_bits;
 mod scenarios;
 
-pub use craft::{Coloured, Fault, FaultKind, NoiseModel, Sensors, SimulatedCraft};
+pub use craft::{Coloured, Fault, FaultKind, GustModel, NoiseModel, Sensors, SimulatedCraft};
 pub use experiments::{manoeuvre, next_flight, predict};
 pub use failsafe::{Drill, DrillResult, ExpectedResponse, drills};
 pub use flight::{

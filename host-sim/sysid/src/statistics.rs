@@ -19,8 +19,8 @@ pub(crate) fn deviation(values: &[f64]) -> f64 {
     mean(&values.iter().map(|v| (v - middle).powi(2)).collect::<Vec<_>>()).sqrt()
 }
 
-/// Pearson's coefficient; about zero where one of the two is constant.
-pub(crate) fn correlation(a: &[f64], b: &[f64]) -> f64 {
+/// Pearson's coefficient of correlation; about zero where one of the two is constant.
+pub fn correlation(a: &[f64], b: &[f64]) -> f64 {
     let (ma, mb) = (mean(a), mean(b));
     let product = a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum::<f64>() / a.len().max(1) as f64;
     product / (deviation(a) * deviation(b)).max(1e-12)
@@ -126,6 +126,18 @@ impl Blocks {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn correlation_is_that_of_sines() {
+        let sine = |phase: f64| -> Vec<f64> {
+            (0..1000).map(|k| 3.0 + (f64::from(k) * std::f64::consts::TAU / 100.0 + phase).sin()).collect()
+        };
+        // Whole periods: the correlation of two sines is the cosine of their phase difference.
+        for phase in [0.0, 0.3, 1.2, std::f64::consts::PI] {
+            assert!((correlation(&sine(0.0), &sine(phase)) - phase.cos()).abs() < 1e-12, "{phase}");
+        }
+        assert_eq!(correlation(&[1.0; 5], &[1.0, 2.0, 3.0, 4.0, 5.0]), 0.0, "a constant");
+    }
 
     /// Of tables: F(4, 10) at 5 % is 3.478, t(10) at 5 % on either side together 2.228.
     #[test]

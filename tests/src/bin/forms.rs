@@ -104,6 +104,22 @@ const FORMS: &[Form] = &[
     strange("sluggish", &[&["rotor_speed"], &["rotor_acceleration"], &["rotor_acceleration", "rotor_speed"]]),
     strange("inflow", &[&["rotor_speed"]]),
     strange("bungee", &[]),
+    strange("dead-zone", &[&["v"]]),
+    strange("square-root-drag", &[&["u"]]),
+    strange("ribs", &[&["north"]]),
+    strange("bounded-pitching", &[&["u"]]),
+    strange("antenna", &[&["v"]]),
+    strange("two-lags", &[&["w"], &["thrust", "w"]]),
+    strange("gusty-side", &[&["v"]]),
+    strange("two-walls", &[&["east"]]),
+    strange("wall-and-weathercock", &[&["east", "v"]]),
+    strange("ceiling-and-door", &[&["height", "time"]]),
+    strange("shear-layer", &[&["height"]]),
+    strange("floor-damping", &[&["height", "p", "q"]]),
+    strange("lorentz", &[&["north"]]),
+    strange("climb", &[&["w"], &["thrust", "w"]]),
+    strange("slanting-plane", &[&["height", "north"]]),
+    strange("tired", &[&["energy"], &["energy", "thrust"], &["time"], &["thrust", "time"]]),
 ];
 
 /// A world to be flown.

@@ -11,6 +11,7 @@ use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
 use super::craft::{Craft, Strange};
+use super::odd::{Past, Seen};
 
 /// Integration step, s: 2 kHz.
 pub const STEP_S: f64 = 0.0005;
@@ -65,6 +66,8 @@ pub struct Body {
     wake_rad_s: [f64; 4],
     /// Speed down through the air that the wake below has had time to follow, m/s.
     sunk_m_s: f64,
+    /// What odd forms remember.
+    past: Past,
 }
 
 /// Forces and torques at an instant.
@@ -84,6 +87,7 @@ struct Instant<'a> {
     rotor: &'a [f64; 4],
     wake_rad_s: &'a [f64; 4],
     sunk_m_s: f64,
+    past: &'a Past,
     time_s: f64,
 }
 
@@ -107,6 +111,7 @@ impl Body {
             bounce: [0.0; 2],
             wake_rad_s: rotor_rad_s,
             sunk_m_s: 0.0,
+            past: Past::default(),
             held_rad_s: rotor_rad_s[0],
         }
     }
@@ -166,6 +171,7 @@ impl Body {
                 rotor: &middle,
                 wake_rad_s: &self.wake_rad_s,
                 sunk_m_s: self.sunk_m_s,
+                past: &self.past,
                 time_s: time_s + 0.5 * h,
             };
             let wrench = self.wrench(craft, &instant);
@@ -185,7 +191,7 @@ impl Body {
         self.attitude *= Rotation3::new(h * rate);
         self.momentum += h * torque_ned;
         self.rotor_rad_s = end;
-        self.stir();
+        self.stir(craft);
         let turning = self.link[1] + 0.5 * h * link_acceleration;
         self.link[0] = Rotation3::new(h * turning) * self.link[0];
         self.link[1] += h * link_acceleration;
@@ -193,11 +199,17 @@ impl Body {
     }
 
     /// The air around the craft follows it.
-    fn stir(&mut self) {
+    fn stir(&mut self, craft: &Craft) {
         let wakes = self.wake_rad_s.iter_mut().zip(self.rotor_rad_s);
         wakes.for_each(|(wake, rotor)| *wake += STEP_S / WAKE_S * (rotor - *wake));
         let sinking = (self.attitude.inverse() * self.velocity_ned_m_s).z;
         self.sunk_m_s += STEP_S / SINKING_S * (sinking - self.sunk_m_s);
+        if craft.strange.odd.is_some() {
+            let air_ned = self.velocity_ned_m_s - craft.wind_ned_m_s;
+            let hover_rad_s = craft.hover_rad_s();
+            let power = self.rotor_rad_s.iter().map(|speed| 0.25 * (speed / hover_rad_s).powi(3)).sum();
+            self.past.step(STEP_S, &(self.attitude.inverse() * air_ned), power);
+        }
     }
 
     /// A mass on a spring under the craft, which accelerates downward by so much.
@@ -281,6 +293,14 @@ impl Body {
         force_ned.z -= craft.mass_kg * (strange.table_m_s2 * over_table - strange.column_m_s2 * in_column);
         force_ned += craft.mass_kg * about_centers_m_s2(strange, &now.position);
         force_ned.z += strange.bungee * craft.mass_kg * bungee_m_s2(self.bounce[0], self.bounce[1]);
+        if let Some((odd, strength)) = strange.odd {
+            let Instant { attitude, position, rate, past, time_s, .. } = *now;
+            let seen =
+                Seen { position_ned_m: &position, air_m_s: &air, rate_rad_s: &rate, attitude, time_s, past };
+            let push = odd.push(strength, &seen);
+            force_ned += craft.mass_kg * push.force_m_s2;
+            torque += craft.inertia_kg_m2 * push.turn_rad_s2;
+        }
         Wrench { force_ned_n: force_ned, torque_nm: torque }
     }
 
@@ -303,6 +323,7 @@ impl Body {
         wind.x += self.gust_m_s[0] + self.wandering_m_s[0];
         wind.y += self.gust_m_s[1] + self.wandering_m_s[1];
         wind.x += craft.strange.shear_per_s * -now.position.z;
+        wind.x += craft.strange.odd.map_or(0.0, |(odd, strength)| odd.wind_m_s(strength, -now.position.z));
         if craft.strange.turning_wind_m_s != 0.0 {
             let (sine, cosine) = (std::f64::consts::TAU * now.time_s / 16.0).sin_cos();
             wind += craft.strange.turning_wind_m_s * Vector3::new(cosine, sine, 0.0);
@@ -340,6 +361,8 @@ impl Body {
 fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f64) {
     let lift = 1.0 + craft.translational_lift_s2_m2 * (air.x * air.x + air.y * air.y);
     let warm = 1.0 - craft.strange.fade * (1.0 - (-now.time_s / 12.0).exp());
+    let lost = craft.strange.odd.map_or(0.0, |(odd, strength)| odd.lost(strength, air, now.past));
+    let warm = warm - lost;
     let hubs = craft.hubs_m();
     let mut torque = 0.0;
     let thrusts = std::array::from_fn(|i| {

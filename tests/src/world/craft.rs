@@ -4,6 +4,8 @@ use model::{Motors, Spin, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 use rand::{Rng, RngExt};
 
+use super::odd::Odd;
+
 /// Families of craft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
 #[serde(rename_all = "kebab-case")]
@@ -133,6 +135,8 @@ pub struct Strange {
     pub inflow: f64,
     /// Forward force of the first rotor for each newton beyond its share of the weight.
     pub loose_arm: f64,
+    /// A form that no search lists, and its strength.
+    pub odd: Option<(Odd, f64)>,
     /// Yaw torque for each m/s of air from the side, N s.
     pub weathercock_n_s: f64,
     /// Yaw torque back to north, times the sine of the heading, N m.

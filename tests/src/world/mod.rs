@@ -19,6 +19,7 @@ mod body;
 mod craft;
 mod floor;
 pub mod log;
+mod odd;
 mod pilot;
 mod planted;
 mod sensors;
@@ -33,8 +34,9 @@ use rand_pcg::Pcg64;
 
 pub use body::{Body, STEP_S};
 pub use craft::{Craft, Size};
+pub use odd::Odd;
 pub use pilot::{Pattern, Style};
-pub use planted::{FORMS, OUTSIDE, PLANTED, Planted, UnknownEffect, changes};
+pub use planted::{FORMS, ODD, OUTSIDE, PLANTED, Planted, UnknownEffect, changes};
 pub use sensors::Sensors;
 pub use truth::True;
 

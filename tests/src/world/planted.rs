@@ -10,6 +10,7 @@ use rand::RngExt;
 use rand_pcg::Pcg64;
 
 use super::craft::{Craft, Load, Tether};
+use super::odd::Odd;
 
 /// An effect that is in a world.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -185,6 +186,50 @@ pub const FORMS: &[Seedling] = &[
     seedling("whirl", "air that turns in the room", |c, _, s, _| c.strange.whirl_m_s2 = 0.5 * s),
 ];
 
+/// Those that no search lists as they are.
+pub const ODD: &[Seedling] = &[
+    seedling("dead-zone", "air from the side that pushes beyond a speed", |c, _, s, _| {
+        c.strange.odd = Some((Odd::DeadZone, s))
+    }),
+    seedling("square-root-drag", "drag forward with the root of the speed", |c, _, s, _| {
+        c.strange.odd = Some((Odd::SquareRoot, s))
+    }),
+    seedling("ribs", "ribs on the floor that lift or do not", |c, _, s, _| {
+        c.strange.odd = Some((Odd::Ribs, s))
+    }),
+    seedling("bounded-pitching", "a pitching moment of speed that ends at a bound", |c, _, s, _| {
+        c.strange.odd = Some((Odd::Bounded, s))
+    }),
+    seedling("antenna", "an antenna that swings and turns the craft", |c, _, s, _| {
+        c.strange.odd = Some((Odd::Antenna, s))
+    }),
+    seedling("two-lags", "thrust that is lost behind two lags of sinking", |c, _, s, _| {
+        c.strange.odd = Some((Odd::TwoLags, s))
+    }),
+    seedling("gusty-side", "a push by as much as air from the side is ahead of its mean", |c, _, s, _| {
+        c.strange.odd = Some((Odd::Ahead, s))
+    }),
+    seedling("two-walls", "pulls to two walls", |c, _, s, _| c.strange.odd = Some((Odd::TwoWalls, s))),
+    seedling("wall-and-weathercock", "a wall, and air from the side that turns the craft", |c, _, s, _| {
+        c.strange.odd = Some((Odd::WallAndWeathercock, s))
+    }),
+    seedling("ceiling-and-door", "a ceiling, and a door that opens for a while", |c, _, s, _| {
+        c.strange.odd = Some((Odd::CeilingAndDoor, s))
+    }),
+    seedling("shear-layer", "wind from a height on", |c, _, s, _| c.strange.odd = Some((Odd::ShearLayer, s))),
+    seedling("floor-damping", "damping close to the floor", |c, _, s, _| {
+        c.strange.odd = Some((Odd::FloorDamping, s))
+    }),
+    seedling("lorentz", "a jet with wide skirts", |c, _, s, _| c.strange.odd = Some((Odd::Lorentz, s))),
+    seedling("climb", "thrust that is lost in a climb", |c, _, s, _| c.strange.odd = Some((Odd::Climb, s))),
+    seedling("slanting-plane", "a push above a slanting plane", |c, _, s, _| {
+        c.strange.odd = Some((Odd::SlantingPlane, s))
+    }),
+    seedling("tired", "thrust that is lost with the energy used", |c, _, s, _| {
+        c.strange.odd = Some((Odd::Tired, s))
+    }),
+];
+
 /// Effects that happen to a craft whose model was good: flown before and after.
 pub fn changes() -> impl Iterator<Item = &'static str> {
     ["mass-change", "com-offset", "motor-efficiency"].into_iter()
@@ -197,7 +242,7 @@ pub(super) fn plant(
     vehicle: &mut Vehicle,
     mut rng: Pcg64,
 ) -> Result<&'static str, UnknownEffect> {
-    let known = PLANTED.iter().chain(OUTSIDE).chain(FORMS).find(|seedling| seedling.id == id);
+    let known = PLANTED.iter().chain(OUTSIDE).chain(FORMS).chain(ODD).find(|seedling| seedling.id == id);
     let seedling = known.ok_or_else(|| UnknownEffect(id.to_owned()))?;
     (seedling.plant)(craft, vehicle, strength, &mut rng);
     Ok(seedling.id)

@@ -84,6 +84,11 @@ const ARROWS: &[Allowed] = &[
         why: "the loop joins plant and controller, writes flight files, and draws and judges its responses",
     },
     Allowed {
+        from: "campaign",
+        to: &["sil", "design", "model", "control", "report"],
+        why: "many flights of the loop over what a model leaves open, and what came of them",
+    },
+    Allowed {
         from: "ground",
         to: &["control", "model", "pattern", "proto", "proto-files", "report", "flights", "logs", "sysid"],
         why: "it speaks to the craft in messages, names what the supervisor says, and leaves flight files as its recordings are read",
@@ -113,6 +118,7 @@ const ARROWS: &[Allowed] = &[
             "motor-stand",
             "design",
             "sil",
+            "campaign",
             "ground",
         ],
         why: "the user's program joins the libraries",
@@ -133,6 +139,7 @@ const ARROWS: &[Allowed] = &[
             "motor-stand",
             "design",
             "sil",
+            "campaign",
             "ground",
             "com",
             "mcu",

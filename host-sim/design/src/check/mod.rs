@@ -14,3 +14,4 @@ pub use report::{
     ActuatorMargins, BatteryLoop, BatteryReport, CheckOptions, CheckReport, DisturbanceReport, LoopReport,
     LoopSpread, MovedZero, Pair, Spread, StepReport, Uncertainty,
 };
+pub use uncertainty::CoefficientErrors;

@@ -17,6 +17,25 @@ pub(super) fn has_errors(model: &Model) -> bool {
     model.terms.iter().flat_map(|t| &t.coefficients).any(|c| c.std_error.is_some_and(|e| e > 0.0))
 }
 
+/// How the coefficients of a model err together.
+#[derive(Debug, Clone)]
+pub struct CoefficientErrors {
+    /// Turns independent normal variables of deviation 1 into errors of all coefficients.
+    factor: DMatrix<f64>,
+}
+
+impl CoefficientErrors {
+    /// Those of a model file; nothing where it has no standard errors.
+    pub fn of(model: &Model) -> Option<Self> {
+        has_errors(model).then(|| Self { factor: error_factor(model) })
+    }
+
+    /// The model with its coefficients drawn from their errors.
+    pub fn draw(&self, model: &Model, random: &mut Pcg64) -> Model {
+        drawn(model, &self.factor, random)
+    }
+}
+
 /// A matrix that turns independent normal variables of deviation 1 into errors of all coefficients.
 fn error_factor(model: &Model) -> DMatrix<f64> {
     let covariance = model.covariance();

@@ -3,8 +3,9 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use model::{Followed, Lag, LagId, Quantity, RotorQuantity, Sample, user_effects};
+use model::{Followed, Lag, LagId, Model, Quantity, RotorQuantity, Sample, user_effects};
 use sysid::prepare::Prepared;
+use sysid::statistics::correlation;
 
 use crate::discovery::center::{About, Center, Flown};
 use crate::discovery::shapes::Span;
@@ -35,6 +36,8 @@ enum Source {
     Lagged(&'static Quantity, usize),
     /// By how much each rotor is faster than its own speed behind such a lag.
     OwnAhead(usize),
+    /// The integral of the rotors' power.
+    Energy,
 }
 
 /// A measured quantity that an effect may depend on.
@@ -105,6 +108,11 @@ const SEARCHED_LAG: usize = 6;
 /// That over which every form of each rotor's own speed is tried.
 const SEARCHED_OWN_LAG: usize = 3;
 
+/// Samples from one value of a span to the next.
+const SPAN_STRIDE: usize = 5;
+/// Correlation of the energy used with the time in flight up to which flights tell one from the other.
+const TOLD_FROM_TIME: f64 = 0.98;
+
 /// Directions in the room that every form is tried over, degrees from north to east. North and east are variables of their own.
 const OBLIQUE_DEG: [u8; 4] = [30, 60, 120, 150];
 /// Step between directions that the best forms over one of them are tried over besides, degrees.
@@ -130,7 +138,9 @@ impl Variable {
             Source::OwnAcceleration => sample.input.rotor_acceleration_rad_s2[rotor],
             // Only its form knows the center.
             Source::FromCenter { .. } => f64::NAN,
-            Source::Lagged(..) => self.lags[0].map_or(f64::NAN, |lag| sample.input.remembered(lag)),
+            Source::Lagged(..) | Source::Energy => {
+                self.lags[0].map_or(f64::NAN, |lag| sample.input.remembered(lag))
+            }
             Source::OwnAhead(_) => {
                 let behind = self.lags[rotor].map_or(f64::NAN, |lag| sample.input.remembered(lag));
                 sample.input.rotor_rad_s[rotor] - behind
@@ -267,7 +277,7 @@ impl Variable {
     }
 
     /// All that flights of a vehicle have, where they move.
-    pub(crate) fn all(flights: &[&Prepared], model: &model::Model) -> Vec<Self> {
+    pub(crate) fn all(flights: &[&Prepared], model: &Model) -> Vec<Self> {
         let rotors = model.vehicle.rotor_quantity(flights.iter().all(|flight| flight.has_rotor_speeds()));
         let mut all: Vec<Self> = Vec::new();
         let mut put = |name, formula: Cow<'static, str>, source, unit: &str| {
@@ -303,6 +313,7 @@ impl Variable {
         find_spans(&mut all, flights, model);
         all.retain(|variable| variable.span.is_wide());
         all.extend(remembered(&all));
+        all.extend(energy_used(flights, model, rotors));
         all.extend(from_centers(flights));
         all
     }
@@ -340,6 +351,7 @@ fn meaning(name: &'static str) -> &'static str {
         "omega4" => "speed of rotor 4",
         "rotor_speed" => "mean rotor speed",
         "vbat" => "battery voltage",
+        "energy" => "energy used",
         other => other,
     }
 }
@@ -388,7 +400,8 @@ fn from_centers(flights: &[&Prepared]) -> Vec<Variable> {
 
 /// What forms may look back at. A lag goes no further than what it follows.
 fn remembered(all: &[Variable]) -> Vec<Variable> {
-    let lag = |quantity, place: usize| Lag { of: Followed::Quantity(quantity), time_s: LAGS_S[place] }.id();
+    let lag =
+        |quantity, place: usize| Lag { of: Followed::Quantity(quantity), time_s: Some(LAGS_S[place]) }.id();
     let mut found = Vec::new();
     for place in 0..LAGS_S.len() {
         for variable in all {
@@ -412,14 +425,37 @@ fn remembered(all: &[Variable]) -> Vec<Variable> {
     found
 }
 
+/// The energy that the rotors have used, where flights tell it from the time in flight.
+fn energy_used(flights: &[&Prepared], model: &Model, rotors: RotorQuantity) -> Option<Variable> {
+    let power = Quantity::named("power")?;
+    let lag = Lag { of: Followed::Quantity(power), time_s: None }.id()?;
+    let plant = model::Plant::new(model);
+    let (mut times_s, mut values) = (Vec::new(), Vec::new());
+    for flight in flights {
+        for stretch in &flight.stretches {
+            let states = flight.remembering_states(stretch, &model.vehicle, &plant, [lag]);
+            for k in (0..states.len()).step_by(SPAN_STRIDE) {
+                times_s.push(stretch.time_s[k]);
+                values.push(states.at(k).remembered(lag));
+            }
+        }
+    }
+    if correlation(&times_s, &values) > TOLD_FROM_TIME {
+        return None;
+    }
+    let variable = Variable::new("energy", "integral(power)".into(), Source::Energy, "J");
+    let in_commands = (rotors == RotorQuantity::Command).then_some("kg m^2 cmd^3 s");
+    Some(Variable { lags: [Some(lag), None, None, None], in_commands, span: span_of(values)?, ..variable })
+}
+
 /// Where variables go in flights: the middle 99 of 100 values. What is not known everywhere has no width.
-fn find_spans(variables: &mut [Variable], flights: &[&Prepared], model: &model::Model) {
+fn find_spans(variables: &mut [Variable], flights: &[&Prepared], model: &Model) {
     let plant = model::Plant::new(model);
     let mut values: Vec<Vec<f64>> = vec![Vec::new(); variables.len()];
     for flight in flights {
         for stretch in &flight.stretches {
             let states = flight.states(stretch, &model.vehicle, plant.adjustments());
-            for k in (0..states.len()).step_by(5) {
+            for k in (0..states.len()).step_by(SPAN_STRIDE) {
                 let input = states.at(k);
                 let sample = plant.sample_of(&input);
                 for (values, variable) in values.iter_mut().zip(&*variables) {
@@ -429,12 +465,17 @@ fn find_spans(variables: &mut [Variable], flights: &[&Prepared], model: &model::
             }
         }
     }
-    for (mut values, variable) in values.into_iter().zip(variables) {
-        if values.is_empty() || !values.iter().all(|value| value.is_finite()) {
-            continue;
-        }
-        values.sort_by(f64::total_cmp);
-        let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
-        variable.span = Span { low: at(0.005), high: at(0.995) };
+    for (values, variable) in values.into_iter().zip(variables) {
+        variable.span = span_of(values).unwrap_or(variable.span);
     }
+}
+
+/// The middle 99 of 100 values; nothing where some are not known.
+fn span_of(mut values: Vec<f64>) -> Option<Span> {
+    if values.is_empty() || !values.iter().all(|value| value.is_finite()) {
+        return None;
+    }
+    values.sort_by(f64::total_cmp);
+    let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
+    Some(Span { low: at(0.005), high: at(0.995) })
 }

@@ -215,7 +215,7 @@ pub(crate) fn known_physics(term: &Refined, variables: &[Variable]) -> Option<&'
         (_, Some(false)) if on(&["w", "down_speed"]) => {
             "the vortex ring state (Johnson, NASA/TP-2005-213477)"
         }
-        (_, Some(_)) if on(&["time", "vbat"]) => "motors that warm up, or a battery that weakens",
+        (_, Some(_)) if on(&["time", "energy", "vbat"]) => "motors that warm up, or a battery that weakens",
         (_, Some(_)) if on(&["north", "east"]) => {
             "the edge of a table, or vertical air in a part of the room"
         }
@@ -258,7 +258,7 @@ fn physics_of_rotors(channel: Channel, names: &[&str]) -> Option<&'static str> {
         Channel::EachRotor(_) if on("rotor_speed") => Some(
             "blades that stall, air that takes time to follow the rotors, or thrust that does not follow the square of the speed",
         ),
-        Channel::Rotor(..) | Channel::RotorApart(..) if on("time") => {
+        Channel::Rotor(..) | Channel::RotorApart(..) if on("time") || on("energy") => {
             Some("a motor or a propeller that fails")
         }
         _ => None,

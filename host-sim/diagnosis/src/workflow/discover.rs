@@ -11,7 +11,7 @@ use model::{Axis, Effect, Model, PerAxis, effects};
 use sysid::{Fit, FitError};
 
 use crate::addition::add_from;
-use crate::criteria::HELD_OUT_SIGNIFICANCE;
+use crate::criteria::{HELD_OUT_SIGNIFICANCE, SIGNIFICANCE};
 use crate::diagnose::what_is_left;
 use crate::discovery::candidates::{Candidates, candidates};
 use crate::discovery::choice::{quantities, ranked, rivals};
@@ -187,6 +187,10 @@ impl Hunt<'_> {
             let why = match self.judge(about, &defined) {
                 Ok(addition) if holds(&addition, questions) => {
                     return Next::Term(Box::new(self.settled(about, &id, chosen, addition.fit)));
+                }
+                Ok(addition) if terms.is_empty() && addition.finding.p_value > SIGNIFICANCE => {
+                    // The training flights alone do not tell its numbers: those held out were not asked.
+                    addition.finding.reason.to_string()
                 }
                 Ok(addition) => {
                     asked.extend(axes.iter().map(|axis| Asked { axis: *axis, numbers }));

@@ -8,7 +8,7 @@ use crate::user_effects::definition::{Definition, MAX_NAME};
 use crate::user_effects::dimension::Dimension;
 use crate::user_effects::formula::{Formula, dimension_of};
 use crate::user_effects::row::{Input, MAX_NAMES, Row, RowFormula, rows_known};
-use crate::user_effects::scanner::LAG;
+use crate::user_effects::scanner::{INTEGRAL, LAG};
 use crate::user_effects::trace::{Entry, Trace};
 
 /// What formulas of one effect can name.
@@ -71,35 +71,46 @@ impl Names<'_> {
         ))
     }
 
-    /// `lag(of, time)`.
-    fn lagged(&self, (of, time): (&str, &str)) -> Result<Input, String> {
+    /// `lag(of, time)` or `integral(of)`.
+    fn lagged(&self, (of, time): LookedBack<'_>) -> Result<Input, String> {
         let of = match self.input(of)? {
             Input::Quantity(quantity) => Followed::Quantity(quantity),
             Input::Further(column) => Followed::Further(column.place),
             Input::Lagged(lag) => Followed::Lag(lag),
             Input::Coefficient(_) | Input::Constant(_) => {
-                return Err(format!("\"{of}\" does not change: lag(...) takes a measured quantity first"));
+                let function = if time.is_some() { LAG } else { INTEGRAL };
+                return Err(format!(
+                    "\"{of}\" does not change: {function}(...) takes a measured quantity first"
+                ));
             }
         };
-        let own = self.definition.constant.iter().position(|constant| constant.name == time);
+        let time_s = time.map(|time| self.lag_time_s(time)).transpose()?;
+        let too_many = || "there are too many different lags in this program".to_owned();
+        Lag { of, time_s }.id().map(Input::Lagged).ok_or_else(too_many)
+    }
+
+    fn lag_time_s(&self, name: &str) -> Result<f64, String> {
+        let own = self.definition.constant.iter().position(|constant| constant.name == name);
         let (Some(k), Ok(second)) = (own, dimension_of("s")) else {
             return Err(format!(
-                "\"{time}\" is no constant of the effect; the time of a lag is one: constant = [{{ name = \"memory\", unit = \"s\", \
+                "\"{name}\" is no constant of the effect; the time of a lag is one: constant = [{{ name = \"memory\", unit = \"s\", \
                  value = 0.3 }}]"
             ));
         };
         let time_s = self.definition.constant[k].value;
         let [shortest, longest] = LAG_TIMES_S;
         if !self.constants[k].is(second) || !(shortest..=longest).contains(&time_s) {
-            return Err(format!("\"{time}\" is the time of a lag: {shortest} to {longest} s"));
+            return Err(format!("\"{name}\" is the time of a lag: {shortest} to {longest} s"));
         }
-        let too_many = || "there are too many different lags in this program".to_owned();
-        Lag { of, time_s }.id().map(Input::Lagged).ok_or_else(too_many)
+        Ok(time_s)
     }
 
     fn trace(&self, name: &str, entry: &dyn Fn(usize) -> Entry) -> Trace {
-        if let Some(Ok((of, _))) = looked_back(name) {
-            return Trace { value: None, ..self.trace(of, entry) };
+        if let Some(Ok((of, time))) = looked_back(name) {
+            let of = self.trace(of, entry);
+            let second = dimension_of("s").unwrap_or(Dimension::NONE);
+            let dimension = if time.is_some() { of.dimension } else { of.dimension.times(second) };
+            return Trace { dimension, value: None, ..of };
         }
         let Definition { coefficient, constant, column, .. } = self.definition;
         if let Some(k) = coefficient.iter().position(|c| c.name == name) {
@@ -144,15 +155,25 @@ impl Names<'_> {
     }
 }
 
-/// Deepest nesting of lags.
+/// Deepest nesting of what looks back.
 const MAX_ORDER: usize = 2;
 
-/// What a name of the form `lag(of, time)` looks back at, and how far; nothing of other names.
-fn looked_back(name: &str) -> Option<Result<(&str, &str), String>> {
-    let inside = name.strip_prefix(LAG)?.strip_prefix('(')?.strip_suffix(')')?;
+/// What is looked back at, and the name of the time of a lag: nothing of an integral.
+type LookedBack<'a> = (&'a str, Option<&'a str>);
+
+/// What a name of the form `lag(of, time)` or `integral(of)` looks back at; nothing of other names.
+fn looked_back(name: &str) -> Option<Result<LookedBack<'_>, String>> {
+    let inside = |function| name.strip_prefix(function)?.strip_prefix('(')?.strip_suffix(')');
+    let (inside, is_lag) = inside(LAG).map(|own| (own, true)).or_else(|| Some((inside(INTEGRAL)?, false)))?;
     if inside.matches('(').count() >= MAX_ORDER {
         return Some(Err(format!("lags are nested deeper than {MAX_ORDER}")));
     }
+    if !is_lag {
+        let comma_outside = !inside.ends_with(')') && inside.contains(',');
+        let missing = || "integral(...) takes a quantity, such as integral(power)".to_owned();
+        return Some(if inside.is_empty() || comma_outside { Err(missing()) } else { Ok((inside, None)) });
+    }
     let missing = || "lag(...) takes a quantity and a constant, such as lag(w, memory)".to_owned();
-    Some(inside.rsplit_once(',').filter(|(of, _)| !of.is_empty()).ok_or_else(missing))
+    let parts = inside.rsplit_once(',').filter(|(of, _)| !of.is_empty());
+    Some(parts.map(|(of, time)| (of, Some(time))).ok_or_else(missing))
 }

@@ -12,10 +12,17 @@ const OF_TWO: [(&str, &str); 3] = [("min", "&"), ("max", "|"), ("atan2", "@")];
 
 /// The function that looks back: `lag(quantity, time)`. What it makes has a name of its own, which the parser does not look into.
 pub(super) const LAG: &str = "lag";
+/// The other one: `integral(quantity)`.
+pub(super) const INTEGRAL: &str = "integral";
+/// What looks back, and how it is written.
+const LOOKS_BACK: [(&str, &str); 2] = [
+    (LAG, "lag(...) takes the name of a quantity and that of a constant, such as lag(w, memory)"),
+    (INTEGRAL, "integral(...) takes the name of a quantity, such as integral(power)"),
+];
 
 /// The functions that formulas can call, those of two arguments last.
 pub fn functions() -> impl Iterator<Item = &'static str> {
-    FUNCTIONS.into_iter().chain(OF_TWO.map(|(name, _)| name)).chain([LAG])
+    FUNCTIONS.into_iter().chain(OF_TWO.map(|(name, _)| name)).chain(LOOKS_BACK.map(|(name, _)| name))
 }
 
 /// Bytes of the number that a text begins with; 0 if it does not.
@@ -165,11 +172,13 @@ impl<'a> Scanner<'a> {
         let name = &rest[..length];
         let is_call = rest[length..].trim_start().starts_with('(');
         self.operand(name)?;
-        if name == LAG && is_call && self.juxtaposed == Juxtaposed::Refused {
-            return self.lag(length);
+        let looks_back = LOOKS_BACK.iter().find(|(known, _)| *known == name);
+        if let Some((name, usage)) = looks_back.filter(|_| is_call && self.juxtaposed == Juxtaposed::Refused)
+        {
+            return self.look_back(name, usage);
         }
         let of_two = OF_TWO.iter().find(|(known, _)| *known == name);
-        let of_one = FUNCTIONS.contains(&name);
+        let of_one = FUNCTIONS.contains(&name) || looks_back.is_some();
         match (of_two, of_one, is_call && self.juxtaposed == Juxtaposed::Refused) {
             (Some((_, operator)), _, true) => {
                 self.skip_call(length);
@@ -184,9 +193,6 @@ impl<'a> Scanner<'a> {
             (None, false, true) => {
                 let known = functions().collect::<Vec<_>>().join(", ");
                 Err(format!("\"{name}\" is not a function; known are {known}"))
-            }
-            _ if name == LAG && self.juxtaposed == Juxtaposed::Refused => {
-                Err(format!("{LAG} is a function; write {LAG}(...)"))
             }
             (Some(_), _, false) | (_, true, false) if self.juxtaposed == Juxtaposed::Refused => {
                 Err(format!("{name} is a function; write {name}(...)"))
@@ -203,7 +209,8 @@ impl<'a> Scanner<'a> {
     }
 
     /// A look back, from its name to its closing bracket.
-    fn lag(&mut self, length: usize) -> Result<(), String> {
+    fn look_back(&mut self, name: &str, usage: &str) -> Result<(), String> {
+        let length = name.len();
         let rest = &self.text[self.at + length..];
         let mut depth = 0_usize;
         let end = rest.char_indices().find_map(|(place, c)| {
@@ -218,11 +225,9 @@ impl<'a> Scanner<'a> {
         let inside: String = rest[..=end].chars().filter(|c| !c.is_whitespace()).collect();
         let is_plain = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '(' | ')' | ',' | '.');
         if !inside.chars().all(is_plain) {
-            return Err(
-                "lag(...) takes the name of a quantity and that of a constant, such as lag(w, memory)".into(),
-            );
+            return Err(usage.into());
         }
-        self.clear.push_str(&format!("{{{LAG}{inside}}}"));
+        self.clear.push_str(&format!("{{{name}{inside}}}"));
         self.at += length + end + 1;
         self.ended();
         Ok(())

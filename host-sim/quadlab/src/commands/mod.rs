@@ -1,6 +1,8 @@
 //! One file a subcommand: its options, what it runs, what it prints and writes.
 
 pub(crate) mod add;
+pub(crate) mod campaign;
+pub(crate) mod campaign_submit;
 pub(crate) mod compare;
 pub(crate) mod demo;
 pub(crate) mod design;

@@ -29,7 +29,7 @@ pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// File name, command and schema of each document.
-fn schemas() -> [(&'static str, &'static str, Schema); 18] {
+fn schemas() -> [(&'static str, &'static str, Schema); 20] {
     [
         ("import", "import", of::<import::Document>()),
         ("identify", "identify", of::<WithFaults<identify::Document>>()),
@@ -49,6 +49,8 @@ fn schemas() -> [(&'static str, &'static str, Schema); 18] {
         ("motor-map", "motor-map", of::<motor_map::Document>()),
         ("excite", "excite", of::<excite::Document>()),
         ("plan", "plan", of::<plan::Document>()),
+        ("campaign", "campaign report", of::<campaign::Summary>()),
+        ("campaign-why", "campaign why", of::<campaign::Causes>()),
     ]
 }
 

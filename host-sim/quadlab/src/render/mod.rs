@@ -1,5 +1,6 @@
 //! Results as people read them: tables, figures and pages.
 
+pub(crate) mod campaign;
 pub(crate) mod design_pages;
 pub(crate) mod design_tables;
 pub(crate) mod discovery;

@@ -1,6 +1,8 @@
 //! What can go wrong in a flight: each fault begins at a time, lasts a while, and changes what
 //! reaches the autopilot or the motors. The craft itself and the sensors' noise do not change.
 
+use std::fmt;
+
 use control::{Command, Pose, Readings, Request};
 
 /// What goes wrong.
@@ -58,6 +60,78 @@ pub enum FaultKind {
     ClockOff(u32),
     /// The control loop does not run; the motors go on.
     LoopStalled,
+}
+
+impl FaultKind {
+    /// For people and tables, without its numbers.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::LinkSilent => "link silent",
+            Self::LinkGarbage => "garbage on the link",
+            Self::Asks(_) => "a request from the ground",
+            Self::CutOff => "cut-off by the pilot",
+            Self::PoseSilent => "no poses",
+            Self::PoseOld(_) => "old poses",
+            Self::PoseFrozen => "frozen pose",
+            Self::PoseShifted(_) => "shifted pose",
+            Self::PoseTurned(_) => "turned pose",
+            Self::PoseNotANumber => "poses that are no numbers",
+            Self::ImuMissing => "no gyro samples",
+            Self::ImuStuck => "stuck gyro",
+            Self::ImuBiased(_) => "biased gyro",
+            Self::ImuShaken(_) => "shaken gyro",
+            Self::ImuScaled(_) => "wrong scale of the gyro",
+            Self::ImuGarbage => "garbage from the gyro",
+            Self::VoltageLower(_) => "voltage measured too low",
+            Self::VoltageNotANumber => "voltage that is no number",
+            Self::MotorDead(_) => "dead motor",
+            Self::MotorWeak(..) => "weak motor",
+            Self::MotorStuck(_) => "stuck motor",
+            Self::Hangs(_) => "craft held fast",
+            Self::OutputDead(_) => "dead motor output",
+            Self::MotorsWeak(_) => "weak motors",
+            Self::ClockOff(_) => "clock jump",
+            Self::LoopStalled => "stalled control loop",
+        }
+    }
+
+    /// How large it is, with its unit; nothing where it has no size.
+    fn size(self) -> Option<String> {
+        Some(match self {
+            Self::Asks(request) => format!("{request:?}").to_lowercase(),
+            Self::PoseShifted(by) => {
+                let [x, y, z] = by.map(|m| format!("{m:.2}"));
+                format!("by ({x}, {y}, {z}) m")
+            }
+            Self::PoseOld(us) => format!("by {us} us"),
+            Self::PoseTurned(rad) => format!("by {rad:.2} rad"),
+            Self::ImuBiased(rad_s) | Self::ImuShaken(rad_s) => format!("by {rad_s:.3} rad/s"),
+            Self::ImuScaled(factor) => format!("times {factor:.2}"),
+            Self::VoltageLower(volts) => format!("by {volts:.2} V"),
+            Self::MotorDead(motor) | Self::MotorStuck(motor) | Self::OutputDead(motor) => {
+                format!("number {}", motor + 1)
+            }
+            Self::MotorWeak(motor, by) => format!("number {}, by {by:.0} command units", motor + 1),
+            Self::MotorsWeak(by) => format!("by {by:.0} command units"),
+            _ => return None,
+        })
+    }
+}
+
+/// "shifted pose by (0.10, 0.00, -0.10) m, from 4.26 s to the end".
+impl fmt::Display for Fault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        /// Nothing that is simulated takes a day.
+        const END_S: f64 = 86_400.0;
+        f.write_str(self.kind.name())?;
+        if let Some(size) = self.kind.size() {
+            write!(f, " {size}")?;
+        }
+        match self.from_s + self.for_s {
+            until_s if until_s > END_S => write!(f, ", from {:.2} s to the end", self.from_s),
+            until_s => write!(f, ", from {:.2} to {until_s:.2} s", self.from_s),
+        }
+    }
 }
 
 /// A fault and its time.

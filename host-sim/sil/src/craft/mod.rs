@@ -2,6 +2,7 @@
 
 mod delay;
 mod fault;
+mod gusts;
 mod noise;
 mod sensors;
 mod simulated_craft;
@@ -9,6 +10,7 @@ mod simulated_craft;
 pub(crate) use delay::Delay;
 pub(crate) use fault::Faults;
 pub use fault::{Fault, FaultKind};
+pub use gusts::GustModel;
 pub use noise::{Coloured, NoiseModel};
 pub use sensors::Sensors;
 pub use simulated_craft::SimulatedCraft;

@@ -64,7 +64,7 @@ impl Default for NoiseModel {
 
 impl NoiseModel {
     /// Everything so many times as noisy.
-    pub(crate) fn times(self, factor: f64) -> Self {
+    pub fn times(self, factor: f64) -> Self {
         let coloured = |noise: Coloured| Coloured { deviation: factor * noise.deviation, ..noise };
         Self {
             position: coloured(self.position),

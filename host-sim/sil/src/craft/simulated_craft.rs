@@ -5,6 +5,7 @@ use model::user_effects::Undefined;
 use model::{Battery, DelayLine, Plant, State, Substeps, Surroundings, frames, user_effects};
 use nalgebra::Vector3;
 
+use super::gusts::{GustModel, Gusts};
 use super::sensors::Sensors;
 
 /// A craft with any coordinate or rate beyond this counts as lost.
@@ -19,6 +20,8 @@ pub struct SimulatedCraft {
     dead_time: Option<DelayLine>,
     battery: Battery,
     sensors: Sensors,
+    /// Present in air that is not still.
+    gusts: Option<Gusts>,
     period_s: f64,
     /// Ticks so far, and in which of them the battery was put in.
     tick: u32,
@@ -61,6 +64,7 @@ impl SimulatedCraft {
             dead_time,
             battery,
             sensors,
+            gusts: None,
             period_s,
             tick,
             battery_since,
@@ -70,6 +74,12 @@ impl SimulatedCraft {
             fault,
             state,
         }
+    }
+
+    /// In gusts of this seed.
+    pub fn with_gusts(self, gusts: Option<GustModel>, seed: u64) -> Self {
+        let period_s = self.period_s;
+        Self { gusts: gusts.map(|gusts| Gusts::new(gusts, period_s, seed)), ..self }
     }
 
     /// Voltage at the battery's terminals now, V.
@@ -101,12 +111,18 @@ impl SimulatedCraft {
         self.last_v = voltage_v;
         let before = self.has_formulas.then_some(self.state);
         let around = self.surroundings(middle_v);
+        if let Some(gusts) = &mut self.gusts {
+            gusts.enter(&mut self.state);
+        }
         match &mut self.dead_time {
             None => {
                 let commanded = self.plant.commanded_rad_s(&command, middle_v);
                 self.plant.step(&mut self.state, &commanded, around, &self.substeps);
             }
             Some(line) => line.step(&self.plant, &mut self.state, &command, &around),
+        }
+        if let Some(gusts) = &self.gusts {
+            gusts.leave(&mut self.state, self.period_s);
         }
         self.tick = self.tick.wrapping_add(1);
         if let Some(before) = before.filter(|_| !self.state.is_finite()) {

@@ -35,18 +35,25 @@ pub(super) struct Watch {
     state: State,
     /// How far off the tracker may see it, m.
     tracker_off_m: [f64; 3],
+    /// Whether there are walls.
+    caged: bool,
 }
 
 impl Watch {
     /// Of a craft at this height in m, in this state.
     pub(super) fn new(period_s: f64, height_m: f64, state: State) -> Self {
-        Self { period_s, before_m: [height_m; 2], state, tracker_off_m: [0.0; 3] }
+        Self { period_s, before_m: [height_m; 2], state, tracker_off_m: [0.0; 3], caged: true }
     }
 
     /// Whose tracker may see it so far off, m. Where it is in the cage as seen it has not left it: nobody
     /// on board can know better.
     pub(super) fn with_tracker_off(self, tracker_off_m: [f64; 3]) -> Self {
         Self { tracker_off_m, ..self }
+    }
+
+    /// In the open, unless there are walls.
+    pub(super) fn with_walls(self, caged: bool) -> Self {
+        Self { caged, ..self }
     }
 
     /// A tick: where the craft is (inertial NED, m), what it is doing, and why.
@@ -67,7 +74,7 @@ impl Watch {
             Some(Crash::DisarmedAt(height_m))
         } else if height_m <= 0.0 && newer_m > 0.0 && sinks_m_s > HARD_M_S {
             Some(Crash::Floor(sinks_m_s))
-        } else if is_outside(position_m) && is_outside(seen_m) {
+        } else if self.caged && is_outside(position_m) && is_outside(seen_m) {
             Some(Crash::Cage(position_m))
         } else {
             None

@@ -5,6 +5,7 @@
 //! (module `crash`), and neither forgives one that physics did not demand.
 
 mod crash;
+mod deviations;
 mod drawn_flights;
 mod error;
 mod kept;
@@ -12,12 +13,15 @@ mod memory;
 mod missions;
 mod monte_carlo;
 mod soak;
+mod watched;
 
 pub use crash::Crash;
+pub use deviations::Deviations;
 pub use drawn_flights::{End, MonteCarlo};
 pub use error::LongRunError;
 pub use kept::KeptError;
 pub use memory::{Memory, MemoryError};
 pub use missions::{Missions, Seen};
-pub use monte_carlo::{Conditions, Survey, survey};
+pub use monte_carlo::{Conditions, Survey, drawn_fault, survey};
 pub use soak::{Soak, SoakReport, soak};
+pub use watched::{Impossible, Watched, fly_watched, impossible};

@@ -16,24 +16,25 @@
 use std::fmt;
 use std::path::Path;
 
-use model::{Battery, Effect, Model, Plant};
+use model::{Battery, Model};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use control::{Config, Request};
-use design::plant::{TrimTarget, equilibrium};
 use pattern::random::{Purpose, stream};
 use proto::State;
 
-use super::crash::{Crash, Watch};
+use super::crash::Crash;
+use super::deviations::Deviations;
 use super::drawn_flights::{End, Last, MonteCarlo};
 use super::error::LongRunError;
 use super::kept::Kept;
 use super::memory::{Memory, resident};
+use super::watched::{impossible, tracker_off_m, until_crash};
 use crate::craft::{Fault, FaultKind, NoiseModel};
-use crate::flight::{ClosedLoop, FlightPlan, Script, SilError};
+use crate::flight::{FlightPlan, Script, SilError};
 
 /// How long a flight is, s: a fault after 2 to 8 s, and a landing from 1.8 m at 0.3 m/s.
 const FLIGHT_S: f64 = 15.0;
@@ -43,28 +44,13 @@ const FLIGHT_S: f64 = 15.0;
 const MOST_CRASHES: u64 = 2;
 /// So many are flown before their ends are counted and kept.
 const AT_ONCE: usize = 50;
-/// What the optimiser leaves of the derivatives' squares where there is an equilibrium, SI squared.
-const BALANCED: f64 = 1e-6;
-
 /// What is drawn for a flight beside its tour and its noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Conditions {
     /// Its seed.
     pub seed: u64,
-    /// More than the model's mass, kg.
-    pub extra_mass_kg: f64,
-    /// Centre of mass forward and to the right of the model's, m.
-    pub off_centre_m: [f64; 2],
-    /// Part of the thrust that each motor lacks.
-    pub thrust_loss: [f64; 4],
-    /// More than the model's time constant of the rotors, s.
-    pub slower_rotors_s: f64,
-    /// Dead time between command and rotor, s.
-    pub dead_time_s: f64,
-    /// Wind at z = 0 to the north and east, m/s.
-    pub wind_m_s: [f64; 2],
-    /// By how much it grows with the height, 1/s.
-    pub shear_per_s: [f64; 2],
+    /// What is otherwise than in the model.
+    pub deviations: Deviations,
     /// The battery.
     pub battery: Battery,
     /// Age of the poses, samples.
@@ -84,13 +70,15 @@ impl Conditions {
         let g = &mut generator;
         Self {
             seed,
-            extra_mass_kg: within(g, -0.12, 0.12),
-            off_centre_m: [within(g, -0.004, 0.004), within(g, -0.004, 0.004)],
-            thrust_loss: [(); 4].map(|()| within(g, -0.03, 0.05)),
-            slower_rotors_s: within(g, -0.008, 0.008),
-            dead_time_s: within(g, 0.0, 0.006),
-            wind_m_s: [within(g, -1.0, 1.0), within(g, -1.0, 1.0)],
-            shear_per_s: [within(g, -0.3, 0.3), within(g, -0.3, 0.3)],
+            deviations: Deviations {
+                extra_mass_kg: within(g, -0.12, 0.12),
+                off_centre_m: [within(g, -0.004, 0.004), within(g, -0.004, 0.004)],
+                thrust_loss: [(); 4].map(|()| within(g, -0.03, 0.05)),
+                slower_rotors_s: within(g, -0.008, 0.008),
+                dead_time_s: within(g, 0.0, 0.006),
+                wind_m_s: [within(g, -1.0, 1.0), within(g, -1.0, 1.0)],
+                shear_per_s: [within(g, -0.3, 0.3), within(g, -0.3, 0.3)],
+            },
             battery: Battery {
                 full_v: within(g, 11.5, 12.6),
                 decay_v_per_s: within(g, 0.0, 0.02),
@@ -103,20 +91,14 @@ impl Conditions {
                 [within(g, -1.5, 1.5), within(g, -0.9, 0.9), within(g, -1.7, -0.6)],
                 within(g, -std::f64::consts::PI, std::f64::consts::PI),
             ),
-            fault: g.random_bool(0.5).then(|| fault(g)),
+            fault: g.random_bool(0.5).then(|| drawn_fault(g)),
         }
     }
 
     /// The flight.
     pub fn plan(&self, config: &Config) -> FlightPlan {
         let mut model = Model::thesis();
-        model.set(Effect::MassChange, &[self.extra_mass_kg]);
-        model.set(Effect::ComOffset, &self.off_centre_m);
-        model.set(Effect::MotorEfficiency, &self.thrust_loss);
-        model.set(Effect::MotorLag, &[self.slower_rotors_s]);
-        model.set(Effect::InputDelay, &[self.dead_time_s]);
-        model.set(Effect::SteadyWind, &self.wind_m_s);
-        model.set(Effect::WindShear, &self.shear_per_s);
+        self.deviations.shift(&mut model);
         let (start_m, start_yaw_rad) = self.start;
         FlightPlan {
             script: Script::tour(self.seed, FLIGHT_S),
@@ -132,38 +114,6 @@ impl Conditions {
             ..FlightPlan::identification(model, self.seed, FLIGHT_S)
         }
     }
-
-    /// Why this craft cannot hover in this air, whoever flies it.
-    fn impossible(&self, plan: &FlightPlan) -> Option<String> {
-        let lowest_v = |rotor_rad_s: &[f64; 4]| plan.battery.voltage_v(FLIGHT_S, rotor_rad_s);
-        let battery_v = lowest_v(&[plan.battery.hover_speed_rad_s; 4]);
-        let target = TrimTarget { battery_v: Some(battery_v), ..TrimTarget::default() };
-        let Some(hover) = equilibrium(&plan.model, &target).ok().filter(|hover| hover.cost < BALANCED) else {
-            return Some("it has no equilibrium".into());
-        };
-        let lowest_v = lowest_v(&hover.rotor_rad_s);
-        let commands = Plant::new(&plan.model).command_for(&hover.rotor_rad_s, lowest_v);
-        let most = commands.into_iter().fold(f64::NEG_INFINITY, f64::max) + self.weakness();
-        let [_, greatest] = plan.config.command_range;
-        (most > greatest)
-            .then(|| format!("hovering asks a motor for {most:.0} of {greatest:.0} at {lowest_v:.2} V"))
-    }
-
-    /// How far off the drawn fault lets the tracker see the craft, m.
-    fn tracker_off_m(&self) -> [f64; 3] {
-        match self.fault.map(|fault| fault.kind) {
-            Some(FaultKind::PoseShifted(by)) => by.map(f64::from),
-            _ => [0.0; 3],
-        }
-    }
-
-    /// By how much the drawn fault weakens a motor, command units.
-    fn weakness(&self) -> f64 {
-        match self.fault.map(|fault| fault.kind) {
-            Some(FaultKind::MotorsWeak(by) | FaultKind::MotorWeak(_, by)) => by.into(),
-            _ => 0.0,
-        }
-    }
 }
 
 fn within(generator: &mut Pcg64, low: f64, high: f64) -> f64 {
@@ -171,7 +121,7 @@ fn within(generator: &mut Pcg64, low: f64, high: f64) -> f64 {
 }
 
 /// One of the faults that the supervisor has to survive, with the craft in one piece.
-fn fault(g: &mut Pcg64) -> Fault {
+pub fn drawn_fault(g: &mut Pcg64) -> Fault {
     /// To the end of the flight.
     const ALWAYS_S: f64 = 1e6;
     let from_s = within(g, 2.0, 8.0);
@@ -196,26 +146,21 @@ fn fault(g: &mut Pcg64) -> Fault {
 /// Flies one; how it ended, and the last of its state for comparing runs bit by bit.
 fn fly(conditions: &Conditions, config: &Config) -> Result<(End, Last), SilError> {
     let plan = conditions.plan(config);
-    let period_s = plan.config.sample_time_s;
-    let mut flight = ClosedLoop::in_process(&plan)?;
-    let watch = Watch::new(period_s, -plan.start_m[2], State::Flying);
-    let mut watch = watch.with_tracker_off(conditions.tracker_off_m());
     let (mut last, mut state) = ([0; 16], State::Flying);
-    for tick in 0..=(FLIGHT_S / period_s).round() as u32 {
-        let row = flight.step()?;
+    let crash = until_crash(&plan, tracker_off_m(&plan), |row| {
         state = row.supervision.state;
         let position_m = row.truth.position_m;
         let words = [position_m[0], position_m[1], position_m[2], row.truth.rate_rad_s[0]];
         last.as_chunks_mut().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
-        if let Some(crash) = watch.look(position_m.map(f64::from), state, row.supervision.conditions) {
-            let end = match conditions.impossible(&plan) {
-                Some(why) => End::Impossible(why),
-                None => End::Crashed(crash, f64::from(tick) * period_s),
-            };
-            return Ok((end, last));
+    })?;
+    let end = match (crash, state) {
+        (Some((crash, at_s)), _) => {
+            impossible(&plan).map_or(End::Crashed(crash, at_s), |why| End::Impossible(why.to_string()))
         }
-    }
-    Ok((if state == State::Flying { End::Flying } else { End::Supervised }, last))
+        (None, State::Flying) => End::Flying,
+        (None, _) => End::Supervised,
+    };
+    Ok((end, last))
 }
 
 /// What came of them.
@@ -266,7 +211,7 @@ pub fn survey(plan: &MonteCarlo, file: Option<&Path>) -> Result<Survey, LongRunE
         memory: Memory { early: 0, late: 0 },
     };
     // What judges a crash is loaded before the first is counted: it is no growth.
-    let _ = Conditions::of(plan.seed).impossible(&Conditions::of(plan.seed).plan(&plan.config));
+    let _ = impossible(&Conditions::of(plan.seed).plan(&plan.config));
     for first in (0..plan.flights).step_by(AT_ONCE) {
         let next = plan.flights.min(first + AT_ONCE as u64);
         let seeds: Vec<u64> = (first..next).map(|k| plan.seed.wrapping_add(k)).collect();
@@ -373,10 +318,12 @@ mod tests {
     #[test]
     fn physics_is_what_no_motor_can_do() {
         let config = designed_config().unwrap();
-        let light = Conditions { extra_mass_kg: 0.0, fault: None, ..Conditions::of(1) };
-        assert_eq!(light.impossible(&light.plan(&config)), None);
-        let heavy = Conditions { extra_mass_kg: 1.3, ..light };
-        let why = heavy.impossible(&heavy.plan(&config));
-        assert!(why.as_ref().is_some_and(|why| why.contains("of 2000")), "{why:?}");
+        let drawn = Conditions::of(1);
+        let deviations = Deviations { extra_mass_kg: 0.0, ..drawn.deviations };
+        let light = Conditions { deviations, fault: None, ..drawn };
+        assert_eq!(impossible(&light.plan(&config)), None);
+        let heavy = Conditions { deviations: Deviations { extra_mass_kg: 1.3, ..deviations }, ..light };
+        let why = impossible(&heavy.plan(&config));
+        assert!(why.as_ref().is_some_and(|why| why.to_string().contains("of 2000")), "{why:?}");
     }
 }

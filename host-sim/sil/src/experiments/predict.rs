@@ -12,6 +12,7 @@ use model::{Effect, Model};
 use pattern::Pattern;
 use proto::State;
 use sysid::Prepared;
+use sysid::statistics::correlation;
 
 use crate::flight::{FlightPlan, Recording, SilError, fly, for_identification, with_still_sensors};
 
@@ -261,29 +262,4 @@ fn taking_over(row: &crate::flight::Row) -> String {
         .map(why)
         .collect();
     format!("the supervisor {does} ({})", reasons.join(", "))
-}
-
-fn correlation(a: &[f64], b: &[f64]) -> f64 {
-    let count = a.len() as f64;
-    let (mean_a, mean_b) = (a.iter().sum::<f64>() / count, b.iter().sum::<f64>() / count);
-    let sum =
-        |f: &dyn Fn(f64, f64) -> f64| a.iter().zip(b).map(|(x, y)| f(x - mean_a, y - mean_b)).sum::<f64>();
-    sum(&|x, y| x * y) / (sum(&|x, _| x * x) * sum(&|_, y| y * y)).sqrt().max(f64::MIN_POSITIVE)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn correlation_is_that_of_sines() {
-        let sine = |phase: f64| -> Vec<f64> {
-            (0..1000).map(|k| 3.0 + (f64::from(k) * std::f64::consts::TAU / 100.0 + phase).sin()).collect()
-        };
-        // Whole periods: the correlation of two sines is the cosine of their phase difference.
-        for phase in [0.0, 0.3, 1.2, std::f64::consts::PI] {
-            assert!((correlation(&sine(0.0), &sine(phase)) - phase.cos()).abs() < 1e-12, "{phase}");
-        }
-        assert_eq!(correlation(&[1.0; 5], &[1.0, 2.0, 3.0, 4.0, 5.0]), 0.0, "a constant");
-    }
 }

@@ -10,7 +10,7 @@ use super::battery::{FLIGHT_BATTERY, THESIS_BATTERY_V, battery_of};
 use super::configuration::for_identification;
 use super::error::SilError;
 use super::script::{Script, Start, StepAxis, StepCommand};
-use crate::craft::{Fault, NoiseModel, Sensors, SimulatedCraft};
+use crate::craft::{Fault, GustModel, NoiseModel, Sensors, SimulatedCraft};
 
 /// Everything about a flight before it is flown. Equal plans give equal bits.
 #[derive(Debug, Clone, PartialEq)]
@@ -33,9 +33,11 @@ pub struct FlightPlan {
     pub delay_samples: usize,
     /// Noise of the sensors; absent: ideal sensors.
     pub noise: Option<NoiseModel>,
+    /// Gusts; absent: still air, but for the winds of the model.
+    pub gusts: Option<GustModel>,
     /// The battery.
     pub battery: Battery,
-    /// Seed of the noise and of the excitation.
+    /// Seed of the noise, of the gusts and of the excitation.
     pub seed: u64,
     /// Runge-Kutta steps in a tick.
     pub substeps: u32,
@@ -63,6 +65,7 @@ impl FlightPlan {
             start_yaw_rad: 0.0,
             delay_samples: 2,
             noise: None,
+            gusts: None,
             battery: Battery::constant(THESIS_BATTERY_V),
             seed: 0,
             substeps: 4,
@@ -137,6 +140,13 @@ impl FlightPlan {
         if !(1..=1000).contains(&self.substeps) {
             return refuse("substeps", self.substeps.to_string(), "1 to 1000 integration steps in a tick");
         }
+        if self.gusts.is_some_and(|gusts| !(gusts.deviation_m_s >= 0.0 && gusts.time_s > 0.0)) {
+            return refuse(
+                "gusts",
+                format!("{:?}", self.gusts),
+                "a deviation of 0 m/s or more and a time above 0 s",
+            );
+        }
         if self.delay_samples > 1000 {
             return refuse("delay_samples", self.delay_samples.to_string(), "at most 1000");
         }
@@ -147,7 +157,7 @@ impl FlightPlan {
     }
 
     /// Ticks after the first.
-    pub(super) fn ticks(&self) -> u32 {
+    pub(crate) fn ticks(&self) -> u32 {
         (self.duration_s / self.config.sample_time_s).round() as u32
     }
 
@@ -181,6 +191,7 @@ impl FlightPlan {
             state.rotor_rad_s = [0.0; 4];
         }
         let sensors = Sensors::new(&self.model, self.noise, period_s, self.seed);
-        Ok(SimulatedCraft::new(plant, self.battery, sensors, state, period_s, self.substeps))
+        let craft = SimulatedCraft::new(plant, self.battery, sensors, state, period_s, self.substeps);
+        Ok(craft.with_gusts(self.gusts, self.seed))
     }
 }

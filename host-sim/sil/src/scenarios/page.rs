@@ -7,7 +7,7 @@ use report::{
 use super::reference::{Variant, response};
 use super::scenario::{RequirementCheck, Settings, step_of};
 use super::suite::{ScenarioResult, Suite};
-use crate::flight::{Recording, Row, Script, StepAxis};
+use crate::flight::{FlightPlan, Recording, Row, Script, StepAxis};
 
 const MOTORS: [&str; 4] = ["1 front-left", "2 front-right", "3 rear-right", "4 rear-left"];
 
@@ -93,16 +93,26 @@ fn section(outcome: &ScenarioResult, settings: &Settings) -> Section {
             };
             section.figure(response_panels(outcome, step.axis, points), caption)
         }
-        None => section.figure(motion_panels(outcome), "Height and attitude."),
+        None => section.figure(motion_panels(&outcome.recording), "Height and attitude."),
     };
-    let section = match outcome.plan.script {
+    with_track_and_motors(section, &outcome.plan, &outcome.recording)
+}
+
+/// Height and attitude, the track, and the motors of a flight without a name.
+pub fn flight(heading: impl Into<String>, plan: &FlightPlan, recording: &Recording) -> Section {
+    let section = Section::new(heading).figure(motion_panels(recording), "Height and attitude.");
+    with_track_and_motors(section, plan, recording)
+}
+
+fn with_track_and_motors(section: Section, plan: &FlightPlan, recording: &Recording) -> Section {
+    let section = match plan.script {
         Script::Waypoints { .. } | Script::Pattern(_) => {
-            section.figure(track(&outcome.recording), "The track from above.")
+            section.figure(track(recording), "The track from above.")
         }
         Script::Hold | Script::Step(_) => section,
     };
     section.figure(
-        motor_panels(outcome),
+        motor_panels(plan, recording),
         "Motor commands; thrust and angular accelerations that the law asks for.",
     )
 }
@@ -191,9 +201,8 @@ fn response_panels(outcome: &ScenarioResult, axis: StepAxis, points: Option<Vec<
     Panels::new(figures)
 }
 
-fn motor_panels(outcome: &ScenarioResult) -> Panels {
-    let recording = &outcome.recording;
-    let unit = outcome.plan.model.vehicle.motors.command_unit.as_str();
+fn motor_panels(plan: &FlightPlan, recording: &Recording) -> Panels {
+    let unit = plan.model.vehicle.motors.command_unit.as_str();
     let mut motors = Figure::new("", time(), Axis::new("motor command", unit));
     for (k, name) in MOTORS.into_iter().enumerate() {
         let data = over_time(recording, |_, row| f64::from(row.output.pwm[k]));
@@ -228,8 +237,7 @@ fn track(recording: &Recording) -> Figure {
         .equal_scale()
 }
 
-fn motion_panels(outcome: &ScenarioResult) -> Panels {
-    let recording = &outcome.recording;
+fn motion_panels(recording: &Recording) -> Panels {
     let height = Figure::new("", time(), Axis::new("height", "m"))
         .with(Series::line(
             "command",

@@ -311,8 +311,8 @@ fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) 
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
     let swings = swing::followed(flight, stretch, model);
     let plant = Plant::new(model);
-    let looked_back = (!plant.lags().is_empty())
-        .then(|| flight.states(stretch, &model.vehicle, &adjust).remembering(&plant, plant.lags()));
+    let looked_back =
+        (!plant.lags().is_empty()).then(|| flight.remembering_states(stretch, &model.vehicle, &plant, []));
     let smooth = (!flight.has_logged_velocity).then(|| {
         [&stretch.euler_rad, &stretch.rate_rad_s].map(|s| s.each_ref().map(|one| smoothed(one, taps)))
     });

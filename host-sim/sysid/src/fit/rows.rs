@@ -19,7 +19,7 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, Axis, Effect, Lags, Model, Plant, Quantity, SampleInput, Vehicle};
+use model::{Adjustments, Axis, Effect, Model, Plant, Quantity, SampleInput, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::filter::{SideBySide, compose, sum_of_products};
@@ -184,8 +184,7 @@ impl Prepared {
             input.dcm.tr_mul(&Vector3::new(u, v, w))
         };
         let of_stretch = |stretch| {
-            let states = self.states(stretch, &model.vehicle, plant.adjustments());
-            let states = states.remembering(&plant, plant.lags());
+            let states = self.remembering_states(stretch, &model.vehicle, &plant, []);
             if self.force_target == ForceTarget::Imu {
                 return (0..states.len()).map(|k| force(states.at(k))).collect();
             }
@@ -218,9 +217,8 @@ impl Prepared {
         let mut result = vec![RowColumn::default(); terms.count()];
         let force_taps = self.force_taps();
         let imu = self.force_target == ForceTarget::Imu;
-        let lags = Lags::new(plant.lags().ids().chain(terms.lags()));
         for (index, stretch) in self.stretches.iter().enumerate() {
-            let states = self.states(stretch, vehicle, plant.adjustments()).remembering(plant, &lags);
+            let states = self.remembering_states(stretch, vehicle, plant, terms.lags());
             let whole = [Part::whole(stretch)];
             for part in hung.and_then(|hung| hung.parts.get(index)).map_or(&whole[..], Vec::as_slice) {
                 let first = part.samples.start;

@@ -4,7 +4,7 @@
 //! is formed once. Of all hats, two at most differ from zero at a sample. The rows are those of [`Prepared::columns_of_terms`] with the
 //! hats in the terms.
 
-use model::{LagId, Lags, Model, Plant, Sample, SampleInput};
+use model::{LagId, Model, Plant, Sample, SampleInput};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::fit::slow;
@@ -97,7 +97,7 @@ impl Prepared {
         let plant = Plant::new(model);
         let mut signals: Option<TermSignals> = None;
         for stretch in &self.stretches {
-            let states = self.remembering_states(stretch, model, &plant, terms.lags());
+            let states = self.remembering_states(stretch, &model.vehicle, &plant, terms.lags());
             let signals = signals.get_or_insert_with(|| {
                 let layout = Slots::new(terms, &plant.sample_of(&states.at(0)), |axis| axis >= 3);
                 TermSignals { turned: layout.forces_by_parameter(), layout, stretches: Vec::new() }
@@ -120,7 +120,7 @@ impl Prepared {
         let mut all: Vec<QuantitySignal> = (0..count).map(|_| QuantitySignal(Vec::new())).collect();
         let mut values = vec![0.0; count];
         for stretch in &self.stretches {
-            let states = self.remembering_states(stretch, model, &plant, lags.to_vec());
+            let states = self.remembering_states(stretch, &model.vehicle, &plant, lags.iter().copied());
             let empty = || vec![Vec::with_capacity(states.len()); count];
             let (mut moments, mut forces) = (empty(), empty());
             let mut put = |input: SampleInput, signals: &mut [Vec<f64>]| {
@@ -137,17 +137,6 @@ impl Prepared {
             all.iter_mut().zip(formed).for_each(|(signal, formed)| signal.0.push(formed));
         }
         all
-    }
-
-    fn remembering_states<'a>(
-        &self,
-        stretch: &'a Stretch,
-        model: &Model,
-        plant: &Plant,
-        lags: Vec<LagId>,
-    ) -> States<'a> {
-        let lags = Lags::new(plant.lags().ids().chain(lags));
-        self.states(stretch, &model.vehicle, plant.adjustments()).remembering(plant, &lags)
     }
 
     fn signals_of(

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use model::{Effect, Kind, Lags, Model, Plant, SampleInput, user_effects};
+use model::{Effect, Kind, Model, Plant, SampleInput, user_effects};
 
 use crate::prepare::{Part, PrepareError, Prepared, Stretch};
 
@@ -111,8 +111,8 @@ fn undefined_samples(
     asked: &[Asked],
     reason: &mut Option<String>,
 ) -> Vec<bool> {
-    let lags = Lags::new(plant.lags().ids().chain(asked.iter().flat_map(|asked| asked.user.lags())));
-    let states = flight.states(stretch, &model.vehicle, plant.adjustments()).remembering(plant, &lags);
+    let lags = asked.iter().flat_map(|asked| asked.user.lags());
+    let states = flight.remembering_states(stretch, &model.vehicle, plant, lags);
     let mut bad = vec![false; states.len()];
     let mut ask = |k: usize, input: SampleInput| {
         if let Some(found) = asked.iter().find_map(|a| a.reason(plant, input)) {

@@ -3,7 +3,7 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, Lags, Memory, Pendulum, Plant, SampleInput, Vehicle};
+use model::{Adjustments, LagId, Lags, Memory, Pendulum, Plant, SampleInput, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::prepare::prepared::Prepared;
@@ -88,13 +88,10 @@ impl States<'_> {
         self.memory.get(k).copied()
     }
 
-    /// With what is remembered under a plant: as if the stretch had begun as it was in its first sample.
-    pub fn remembering(mut self, plant: &Plant, lags: &Lags) -> Self {
-        if lags.is_empty() || self.len() == 0 {
-            return self;
-        }
+    /// With what is remembered under a plant, from what it is at the first sample on.
+    fn remembering(mut self, plant: &Plant, lags: &Lags, first: Memory) -> Self {
         let mut before = self.at(0);
-        let mut memory = vec![lags.settled(&plant.sample_of(&before))];
+        let mut memory = vec![first];
         for k in 1..self.len() {
             let after = self.at(k);
             let ends = [&plant.sample_of(&before), &plant.sample_of(&after)];
@@ -215,11 +212,51 @@ impl Prepared {
             memory: Vec::new(),
         }
     }
+
+    /// The states of a stretch with what a plant and further lags remember: as if the stretch had begun as it was in its first sample,
+    /// but for integrals, which the rest of the flight is known for.
+    pub fn remembering_states<'a>(
+        &'a self,
+        stretch: &'a Stretch,
+        vehicle: &Vehicle,
+        plant: &Plant,
+        further: impl IntoIterator<Item = LagId>,
+    ) -> States<'a> {
+        let lags = &Lags::new(plant.lags().ids().chain(further));
+        let states = self.states(stretch, vehicle, plant.adjustments());
+        if lags.is_empty() || states.len() == 0 {
+            return states;
+        }
+        let start_s = stretch.time_s[0];
+        let earlier = if lags.any_integral() { &self.stretches[..] } else { &[] };
+        let earlier = earlier.iter().filter(|earlier| earlier.time_s[0] < start_s);
+        let last = earlier.fold(None, |last, stretch| {
+            let states = self.states(stretch, vehicle, plant.adjustments());
+            let first = first_memory(plant, lags, last.as_ref(), &states);
+            Some(states.remembering(plant, lags, first))
+        });
+        let first = first_memory(plant, lags, last.as_ref(), &states);
+        states.remembering(plant, lags, first)
+    }
+}
+
+/// What is remembered at the first sample of a stretch, after the stretch before it. A craft that has not flown yet uses little.
+fn first_memory(plant: &Plant, lags: &Lags, before: Option<&States<'_>>, own: &States<'_>) -> Memory {
+    let input = own.at(0);
+    let first = plant.sample_of(&input);
+    let last = before.and_then(|states| Some((states, states.len() - 1, states.memory(states.len() - 1)?)));
+    last.map_or_else(
+        || lags.settled(&first),
+        |(states, k, memory)| {
+            let gap_s = own.stretch.time_s[0] - states.stretch.time_s[k];
+            lags.resumed(&memory, [&plant.sample_of(&states.at(k)), &first], gap_s)
+        },
+    )
 }
 
 #[cfg(test)]
 mod tests {
-    use model::{Effect, Model};
+    use model::{Effect, Followed, Lag, Model, Quantity};
 
     use super::*;
     use crate::testing::prepared;
@@ -276,6 +313,33 @@ mod tests {
             let at = states.at(k);
             assert!((at.position_ned_m - Vector3::new(2.0, 0.0, -1.0)).norm() < 1e-9, "{k}");
             assert!(at.velocity_m_s.norm() < 1e-6, "{k}: {:?}", at.velocity_m_s);
+        }
+    }
+
+    /// Of the time itself, which a column holds: half its square, also across a gap.
+    #[test]
+    fn an_integral_goes_on_across_a_gap_and_a_lag_begins_anew() {
+        let mut flight = prepared(400, |_, _| {});
+        let whole = flight.stretches[0].clone();
+        flight.stretches = vec![whole.part(20..200), whole.part(210..371)];
+        let lag = |quantity, time_s| {
+            let of = Followed::Quantity(Quantity::named(quantity).unwrap());
+            Lag { of, time_s }.id().unwrap()
+        };
+        for stretch in &mut flight.stretches {
+            stretch.battery_v = stretch.time_s.iter().map(|time_s| 1.0 + time_s).collect();
+        }
+        let (energy, late) = (lag("vbat", None), lag("vbat", Some(5.0)));
+        let (model, lags) = (Model::thesis(), Lags::new([energy, late]));
+        let plant = Plant::new(&model);
+        for stretch in &flight.stretches {
+            let states = flight.remembering_states(stretch, &model.vehicle, &plant, lags.ids());
+            assert_eq!(states.memory(0).unwrap().of(late), stretch.battery_v[0]);
+            let end = states.len() - 1;
+            let [from_s, to_s] = [flight.stretches[0].time_s[0], stretch.time_s[end]];
+            let expected = (to_s - from_s) + 0.5 * (to_s * to_s - from_s * from_s);
+            let found = states.memory(end).unwrap().of(energy);
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }
     }
 

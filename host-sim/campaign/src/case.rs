@@ -1,0 +1,151 @@
+//! One flight of a campaign, and what came of it.
+
+use control::state_machine::{Action, action};
+use control::{Condition, Conditions, State};
+use sil::endurance::{Crash, fly_watched, impossible};
+use sil::{FlightPlan, Recording, ScenarioResult};
+
+use crate::draw::{Drawn, Flies};
+use crate::error::CampaignError;
+use crate::plan::{Case, Plan, Ready};
+
+/// State of the supervisor in a flight that was flown as commanded.
+pub(crate) const FLYING: &str = "flying";
+/// Between names of conditions.
+pub(crate) const SEPARATOR: &str = "; ";
+
+/// What came of a flight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Flown {
+    /// Which.
+    pub case: Case,
+    /// What was drawn for it.
+    pub drawn: Drawn,
+    /// How the craft was lost, and after how many s: a crash, the motors cut, or upside down. A reason of physics does not count.
+    pub lost: Option<(String, f64)>,
+    /// Why no gains could fly this craft in this air: it cannot hover.
+    pub impossible: Option<String>,
+    /// Who had the craft at the end: the state of the supervisor.
+    pub ended: String,
+    /// Conditions that the supervisor saw in the flight.
+    pub events: String,
+    /// Whether the scenario's requirements hold; nothing of a tour.
+    pub requirements_hold: Option<bool>,
+    /// Overshoot of a step, percent.
+    pub overshoot_percent: f64,
+    /// Rise time of a step, s.
+    pub rise_s: f64,
+    /// Greatest tilt, deg.
+    pub tilt_deg: f64,
+    /// Root mean square of the distance from the commanded height, m.
+    pub height_error_m: f64,
+    /// Share of the ticks with a motor at an end of its range, percent.
+    pub saturated_percent: f64,
+}
+
+/// A flight of a campaign with all that was recorded of it.
+#[derive(Debug, Clone)]
+pub struct CaseFlight {
+    /// What came of it.
+    pub flown: Flown,
+    /// What was flown.
+    pub plan: FlightPlan,
+    /// Every tick.
+    pub recording: Recording,
+}
+
+impl Plan {
+    /// Flies one case again, as a shard did.
+    ///
+    /// # Errors
+    /// A case that there is not, or a plan that cannot be flown.
+    pub fn replay(&self, case: u64, path: &std::path::Path) -> Result<CaseFlight, CampaignError> {
+        self.ready(path)?.fly(self.case(case)?)
+    }
+}
+
+impl Ready<'_> {
+    /// Flies a case.
+    pub(crate) fn fly(&self, case: Case) -> Result<CaseFlight, CampaignError> {
+        self.fly_as(case, self.plan.drawn(case.draw, &self.model))
+    }
+
+    /// Flies a case with other numbers than were drawn for it.
+    pub(crate) fn fly_as(&self, case: Case, drawn: Drawn) -> Result<CaseFlight, CampaignError> {
+        let flies = self.flies[case.scenario];
+        let plan = drawn.plan(flies, &self.configs[case.gains]);
+        let refused = |why: sil::SilError| CampaignError::Flight { case: case.number, why: why.to_string() };
+        // Whether anybody could have flown it is no matter of how it was flown.
+        let reason = impossible(&plan);
+        let watched = fly_watched(&plan).map_err(refused)?;
+        let mut recording = watched.recording;
+        let mut lost = watched.crash.map(|(crash, at_s)| (told(&crash), at_s));
+        let tilted = recording.rows.iter().position(|row| row.truth.upright() <= 0.0);
+        if let Some(row) = tilted.filter(|_| lost.is_none()) {
+            lost = Some(("upside down".into(), recording.time_s(row)));
+        }
+        let (mut requirements_hold, mut overshoot_percent, mut rise_s) = (None, f64::NAN, f64::NAN);
+        if let Flies::Scenario(scenario) = flies {
+            let result = ScenarioResult::new(scenario, plan.clone(), recording);
+            requirements_hold = Some(result.pass());
+            if let Some(metrics) = result.metrics {
+                overshoot_percent = metrics.overshoot_percent;
+                rise_s = metrics.rise_s.unwrap_or(f64::NAN);
+            }
+            recording = result.recording;
+        }
+        let flown = Flown {
+            case,
+            lost: lost.filter(|_| reason.is_none()),
+            impossible: reason.map(|why| why.to_string()),
+            ended: recording
+                .rows
+                .last()
+                .map_or(String::new(), |row| format!("{:?}", row.supervision.state).to_lowercase()),
+            events: events(&recording),
+            requirements_hold,
+            overshoot_percent,
+            rise_s,
+            tilt_deg: tilt_deg(&recording),
+            height_error_m: height_error_m(&recording),
+            saturated_percent: 100.0 * recording.saturated_ticks(plan.config.command_range) as f64
+                / recording.rows.len().max(1) as f64,
+            drawn,
+        };
+        Ok(CaseFlight { flown, plan, recording })
+    }
+}
+
+/// A crash in words without numbers, so that equal ones can be counted.
+fn told(crash: &Crash) -> String {
+    match crash {
+        Crash::Cut(conditions) => {
+            let cuts = |condition: &&Condition| {
+                action(State::Flying, Conditions::from_bits(condition.bit())) >= Action::Cut
+            };
+            let names: Vec<&str> = conditions.iter().filter(cuts).map(|condition| condition.name()).collect();
+            format!("motors cut: {}", names.join(", "))
+        }
+        Crash::DisarmedAt(_) => "disarmed in the air".into(),
+        Crash::Floor(_) => "hit the floor".into(),
+        Crash::Cage(_) => "left the cage".into(),
+        Crash::Lost => "not finite".into(),
+    }
+}
+
+/// The names of all conditions that the supervisor saw.
+fn events(recording: &Recording) -> String {
+    let seen = recording.rows.iter().fold(0, |seen, row| seen | row.supervision.conditions);
+    let names: Vec<&str> = Conditions::from_bits(seen).iter().map(|condition| condition.name()).collect();
+    names.join(SEPARATOR)
+}
+
+fn tilt_deg(recording: &Recording) -> f64 {
+    let least = recording.rows.iter().map(|row| row.truth.upright()).fold(1.0, f64::min);
+    least.clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+fn height_error_m(recording: &Recording) -> f64 {
+    let square = |row: &sil::Row| f64::from(row.truth.position_m[2] - row.output.z_command_m).powi(2);
+    (recording.rows.iter().map(square).sum::<f64>() / recording.rows.len().max(1) as f64).sqrt()
+}

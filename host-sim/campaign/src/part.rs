@@ -1,0 +1,164 @@
+//! Shards: parts of a campaign, each written whole or not at all.
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+
+use crate::case::Flown;
+use crate::error::CampaignError;
+use crate::plan::{Case, Plan, hex};
+use crate::table::{Table, Values};
+
+/// What is told beside a part: the part counts once this is there.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Seal {
+    /// Of the campaign.
+    pub(crate) campaign_sha256: String,
+    /// Which shard of how many.
+    pub(crate) shard: u64,
+    pub(crate) shards: u64,
+    /// First case, and the one after the last.
+    pub(crate) cases: [u64; 2],
+    /// Of the part's file.
+    pub(crate) part_sha256: String,
+    /// Of the program that flew it.
+    pub(crate) program_sha256: String,
+}
+
+/// The file of a shard's part.
+pub fn part_path(folder: &Path, shard: u64, shards: u64) -> PathBuf {
+    folder.join(format!("part-{shard:06}-of-{shards:06}.parquet"))
+}
+
+/// The file that says that a part is whole.
+pub(crate) fn seal_path(folder: &Path, shard: u64, shards: u64) -> PathBuf {
+    part_path(folder, shard, shards).with_extension("json")
+}
+
+/// The seal of a shard, where it was flown; nothing where it was not, or not to the end.
+pub(crate) fn sealed(folder: &Path, shard: u64, shards: u64) -> Option<Seal> {
+    let text = std::fs::read_to_string(seal_path(folder, shard, shards)).ok()?;
+    serde_json::from_str(&text).ok()
+}
+
+/// Cases that are flown before somebody hears of them.
+const AT_ONCE: usize = 64;
+
+/// Flies a shard of a plan into a folder, on all cores, unless it is there already; `told` hears how many cases were flown and how many of
+/// these were lost. Whether it was flown now.
+///
+/// # Errors
+/// A folder of another campaign, a file that cannot be written, or a flight that cannot be flown.
+pub fn run_shard(
+    plan: &Plan,
+    plan_path: &Path,
+    shard: u64,
+    folder: &Path,
+    told: &(dyn Fn(u64, u64) + Sync),
+) -> Result<bool, CampaignError> {
+    let cases = plan.cases_of(shard)?;
+    let write =
+        |path: &Path, why: &dyn ToString| CampaignError::Write { path: path.into(), why: why.to_string() };
+    std::fs::create_dir_all(folder).map_err(|why| write(folder, &why))?;
+    claim(plan, folder)?;
+    if sealed(folder, shard, plan.shards).is_some_and(|seal| seal.campaign_sha256 == plan.campaign_sha256) {
+        return Ok(false);
+    }
+    let ready = plan.ready(plan_path)?;
+    let mut all = Vec::new();
+    for first in cases.clone().step_by(AT_ONCE) {
+        let some = first..cases.end.min(first + AT_ONCE as u64);
+        let fly = |number: u64| Ok(ready.fly(plan.case(number)?)?.flown);
+        let flown: Vec<Flown> = some.into_par_iter().map(fly).collect::<Result<_, CampaignError>>()?;
+        told(flown.len() as u64, flown.iter().filter(|one| one.lost.is_some()).count() as u64);
+        all.extend(flown);
+    }
+    let path = part_path(folder, shard, plan.shards);
+    let bytes = table(plan, &all).to_parquet().map_err(|why| write(&path, &why))?;
+    report::write_atomic(&path, &bytes).map_err(|why| write(&path, &why))?;
+    let seal = Seal {
+        campaign_sha256: plan.campaign_sha256.clone(),
+        shard,
+        shards: plan.shards,
+        cases: [cases.start, cases.end],
+        part_sha256: hex(&Sha256::digest(&bytes)),
+        program_sha256: program_sha256(),
+    };
+    let path = seal_path(folder, shard, plan.shards);
+    let text = serde_json::to_string_pretty(&seal).unwrap_or_default() + "\n";
+    report::write_atomic(&path, text).map_err(|why| write(&path, &why))?;
+    Ok(true)
+}
+
+/// The file that says whose parts a folder holds.
+const CLAIM: &str = "campaign.json";
+
+/// Makes a folder that of a campaign, unless it is one of another.
+fn claim(plan: &Plan, folder: &Path) -> Result<(), CampaignError> {
+    let path = folder.join(CLAIM);
+    let text = format!("{{ \"campaign_sha256\": \"{}\" }}\n", plan.campaign_sha256);
+    if let Ok(own) = std::fs::read_to_string(&path) {
+        return if own == text { Ok(()) } else { Err(CampaignError::OtherCampaign(folder.into())) };
+    }
+    report::write_atomic(&path, text).map_err(|why| CampaignError::Write { path, why: why.to_string() })
+}
+
+/// Of the program that runs: parts of different programs may differ.
+fn program_sha256() -> String {
+    let program = std::env::current_exe().and_then(std::fs::read);
+    program.map_or_else(|_| "unknown".into(), |bytes| hex(&Sha256::digest(bytes)))
+}
+
+/// Key of the campaign in tables.
+pub(crate) const CAMPAIGN: &str = "campaign_sha256";
+
+/// Cases as a table: a row each.
+fn table(plan: &Plan, flown: &[Flown]) -> Table {
+    let mut table =
+        Table { about: vec![(CAMPAIGN.into(), plan.campaign_sha256.clone())], ..Table::default() };
+    let whole =
+        |of: &dyn Fn(&Case) -> u64| Values::Whole(flown.iter().map(|one| of(&one.case) as i64).collect());
+    let text = |of: &dyn Fn(&Flown) -> String| Values::Text(flown.iter().map(of).collect());
+    let real = |of: &dyn Fn(&Flown) -> f64| Values::Real(flown.iter().map(of).collect());
+    let flag = |of: &dyn Fn(&Flown) -> bool| Values::Flag(flown.iter().map(of).collect());
+    let campaign = &plan.campaign;
+    table.push("case", whole(&|case| case.number));
+    table.push("draw", whole(&|case| case.draw));
+    table.push("scenario", text(&|one| campaign.scenarios[one.case.scenario].clone()));
+    table.push("gains", text(&|one| campaign.gains[one.case.gains].name.clone()));
+    table.push("seed", text(&|one| one.drawn.seed.to_string()));
+    table.push("lost", flag(&|one| one.lost.is_some()));
+    table.push("lost_by", text(&|one| one.lost.as_ref().map(|(why, _)| why.clone()).unwrap_or_default()));
+    table.push("lost_after_s", real(&|one| one.lost.as_ref().map_or(f64::NAN, |(_, at_s)| *at_s)));
+    table.push("impossible", flag(&|one| one.impossible.is_some()));
+    table.push(
+        "requirements_hold",
+        text(&|one| match one.requirements_hold {
+            Some(true) => "yes".into(),
+            Some(false) => "no".into(),
+            None => String::new(),
+        }),
+    );
+    table.push("ended", text(&|one| one.ended.clone()));
+    table.push("events", text(&|one| one.events.clone()));
+    table.push(
+        "fault",
+        text(&|one| one.drawn.fault.map(|fault| fault.kind.name().to_owned()).unwrap_or_default()),
+    );
+    table.push("overshoot_percent", real(&|one| one.overshoot_percent));
+    table.push("rise_s", real(&|one| one.rise_s));
+    table.push("tilt_deg", real(&|one| one.tilt_deg));
+    table.push("height_error_m", real(&|one| one.height_error_m));
+    table.push("saturated_percent", real(&|one| one.saturated_percent));
+    let names = flown.first().map_or(&[][..], |one| &one.drawn.inputs[..]);
+    for (place, input) in names.iter().enumerate() {
+        table.push(format!("{INPUT}{}", input.name), real(&|one| one.drawn.inputs[place].value));
+    }
+    table
+}
+
+/// What names of columns begin with that hold what was drawn.
+pub(crate) const INPUT: &str = "drawn.";

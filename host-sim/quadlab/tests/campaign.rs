@@ -1,0 +1,266 @@
+//! Campaigns as a user runs them: planned, flown in shards that may be killed, merged and told.
+
+mod common;
+#[path = "common/schemas.rs"]
+mod schemas;
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use common::{done_in, json_in, run_in};
+
+const DEFINITION: &str = "name = \"test\"\nseed = 3\ndraws = 40\nscenarios = [\"tour\", \"roll-10\"]\n[unknown]\nmass_kg = [-0.1, 0.1]\n\
+                          wind_m_s = { mean = 0.0, deviation = 0.5 }\ngust_m_s = [0.0, 0.5]\ndelay_samples = [1, 3]\nfault = 0.3\n";
+/// Two scenarios and the two gains that are built in.
+const CASES: u64 = 160;
+
+/// A folder with a plan in so many shards.
+fn planned(shards: u64) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("c.toml"), DEFINITION).unwrap();
+    let said = done_in(folder.path(), &["campaign", "plan", "c.toml", "--shards", &shards.to_string()]);
+    assert!(said.contains(&format!("{CASES} flights in {shards} shard")), "{said}");
+    folder
+}
+
+fn merged(folder: &Path) -> Vec<u8> {
+    done_in(folder, &["campaign", "merge", "plan.json", "--parts", "parts"]);
+    std::fs::read(folder.join("parts/cases.parquet")).unwrap()
+}
+
+const RUN: [&str; 5] = ["campaign", "run", "plan.json", "--out", "parts"];
+
+#[test]
+fn shards_in_any_number_and_order_merge_to_the_same_bytes() {
+    let whole = planned(1);
+    done_in(whole.path(), &RUN);
+    let expected = merged(whole.path());
+    let seven = planned(7);
+    for shard in ["5", "0", "6", "3"] {
+        done_in(seven.path(), &[&RUN[..], &["--shard", shard]].concat());
+    }
+    let why = run_in(seven.path(), &["campaign", "merge", "plan.json", "--parts", "parts"]);
+    assert_eq!(why.status.code(), Some(2));
+    let why = String::from_utf8(why.stderr).unwrap();
+    let command =
+        "3 of 7 shards missing: 1, 2, 4; fly them with `quadlab campaign run plan.json --out parts`";
+    assert!(why.contains(command), "{why}");
+    // The environment of a cluster names a shard as well, and the rest is flown without one.
+    let mut task = Command::new(env!("CARGO_BIN_EXE_quadlab"));
+    task.args(RUN).env("SLURM_ARRAY_TASK_ID", "4").env("RAYON_NUM_THREADS", "1").current_dir(seven.path());
+    assert!(task.stderr(Stdio::null()).stdout(Stdio::null()).status().unwrap().success());
+    let said = done_in(seven.path(), &RUN);
+    assert!(said.contains("shard 5 of 7 was flown before") && !said.contains("shard 1 of 7"), "{said}");
+    assert!(merged(seven.path()) == expected, "the same bytes");
+}
+
+/// Killed at moments that differ from round to round, until it has come to its end.
+#[test]
+fn runs_that_are_killed_lose_nothing() {
+    let whole = planned(1);
+    done_in(whole.path(), &RUN);
+    let killed = planned(16);
+    let mut kills = 0;
+    for round in 0..100 {
+        let mut run = Command::new(env!("CARGO_BIN_EXE_quadlab"))
+            .args(RUN)
+            .current_dir(killed.path())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        std::thread::sleep(Duration::from_millis(20 + 13 * round % 170));
+        if run.try_wait().unwrap().is_none() {
+            kills += 1;
+            run.kill().unwrap();
+        }
+        run.wait().unwrap();
+    }
+    done_in(killed.path(), &RUN);
+    assert!(kills > 5, "{kills} kills");
+    assert!(merged(killed.path()) == merged(whole.path()), "the same bytes after {kills} kills");
+    let parts = std::fs::read_dir(killed.path().join("parts")).unwrap();
+    let unfinished: Vec<_> = parts
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .filter(|name| !name.ends_with(".parquet") && !name.ends_with(".json"))
+        .collect();
+    // A killed process cannot clean up after itself; what it left is named so that nobody takes it for a part.
+    assert!(unfinished.iter().all(|name| name.starts_with('.')), "{unfinished:?}");
+}
+
+/// What runs on this machine without a server is run; of the others the script is there, and the sentence.
+#[test]
+fn shards_are_handed_to_engines() {
+    let folder = planned(3);
+    done_in(folder.path(), &RUN);
+    let expected = merged(folder.path());
+    let submit = |engine: &str, parts: &str| {
+        run_in(folder.path(), &["campaign", "submit", "plan.json", "--out", parts, "--engine", engine])
+    };
+    assert!(submit("local", "local").status.success());
+    done_in(folder.path(), &["campaign", "merge", "plan.json", "--parts", "local"]);
+    assert!(std::fs::read(folder.path().join("local/cases.parquet")).unwrap() == expected);
+    for (engine, needs, script) in [
+        ("hq", "python3", "submit-hq.py"),
+        ("parallel", "parallel", "submit-parallel.sh"),
+        ("slurm", "sbatch", "submit-slurm.sh"),
+    ] {
+        let ran = submit(engine, engine);
+        assert!(folder.path().join(engine).join(script).exists(), "{engine}");
+        if ran.status.success() && engine != "slurm" {
+            done_in(folder.path(), &["campaign", "merge", "plan.json", "--parts", engine]);
+            let bytes = std::fs::read(folder.path().join(engine).join("cases.parquet")).unwrap();
+            assert!(bytes == expected, "{engine}: the same bytes");
+        } else {
+            let why = String::from_utf8(ran.stderr).unwrap();
+            eprintln!("skipped: {engine} is not here ({})", why.trim());
+            assert!(
+                why.lines().count() <= 1 && (why.is_empty() || why.contains(needs) || why.contains("sh")),
+                "{why}"
+            );
+        }
+    }
+    let args = [
+        "campaign",
+        "submit",
+        "plan.json",
+        "--out",
+        "k8s",
+        "--engine",
+        "k8s",
+        "--image",
+        "quadlab:1",
+        "--dry-run",
+    ];
+    done_in(folder.path(), &args);
+    assert!(
+        std::fs::read_to_string(folder.path().join("k8s/submit-k8s.yaml"))
+            .unwrap()
+            .contains("completions: 3")
+    );
+    assert!(folder.path().join("k8s/plan.json").exists());
+}
+
+#[test]
+fn the_report_is_told_and_a_case_flown_again_ends_as_in_its_shard() {
+    let folder = planned(2);
+    done_in(folder.path(), &RUN);
+    let report = json_in(folder.path(), &["campaign", "report", "plan.json", "--parts", "parts"]);
+    schemas::assert_valid("campaign", &report);
+    assert_eq!(report["cases"], CASES);
+    let in_any = |rate: &&&serde_json::Value| rate["scenario"].is_null();
+    let all: Vec<_> = report["rates"].as_array().unwrap().iter().collect();
+    let all: Vec<_> = all.iter().filter(in_any).collect();
+    let count = |rate: &serde_json::Value, key: &str| rate[key].as_u64().unwrap();
+    for rate in &all {
+        assert_eq!(
+            ["completed", "aborted", "lost"].map(|key| count(rate, key)).iter().sum::<u64>(),
+            count(rate, "draws")
+        );
+        assert_eq!(count(rate, "draws") + count(&report, "impossible"), 40);
+    }
+    // The thesis' gains have 8 % of gain margin in pitch with two samples of delay.
+    let lost = |gains: &str| count(all.iter().find(|rate| rate["gains"] == gains).unwrap(), "lost");
+    assert!(lost("thesis") > 8 + lost("designed"), "{all:?}");
+    assert!(report["pairs"][0]["p_value"].as_f64().unwrap() < 0.01, "{report}");
+    let faults = report["faults"].as_array().unwrap();
+    assert!(faults.len() > 4 && faults.iter().any(|fault| fault["fault"] == ""), "{faults:?}");
+    let worst = &report["worst"]["thesis"][0];
+    let case = worst["case"].to_string();
+    let said = done_in(
+        folder.path(),
+        &["campaign", "replay", "plan.json", &case, "--html", "case.html", "--out", "case.csv"],
+    );
+    let expected = format!(
+        "lost after {:.2} s: {}",
+        worst["after_s"].as_f64().unwrap(),
+        worst["lost_by"].as_str().unwrap()
+    );
+    let told = said.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(told.contains(&expected), "{told} / {expected}");
+    assert!(
+        std::fs::read_to_string(folder.path().join("case.html")).unwrap().contains("The track from above.")
+    );
+    let causes = json_in(folder.path(), &["campaign", "why", "plan.json", &case]);
+    schemas::assert_valid("campaign-why", &causes);
+    assert_eq!(causes["after_s"], worst["after_s"]);
+    // Late poses, gusts or a fault: a heavier craft alone was never lost.
+    let needed: Vec<&str> =
+        causes["needed"].as_array().unwrap().iter().map(|one| one["name"].as_str().unwrap()).collect();
+    assert!(!needed.is_empty() || !causes["fault"].is_null(), "{causes}");
+    assert!(needed != ["mass_kg"] && needed.len() < 5, "{causes}");
+    let kept = run_in(folder.path(), &["campaign", "why", "plan.json", "0"]);
+    assert!(
+        kept.status.code() == Some(0) || String::from_utf8(kept.stderr).unwrap().contains("was not lost")
+    );
+    let args = ["campaign", "report", "plan.json", "--parts", "parts", "--allow", "15", "--html", "all.html"];
+    let refused = run_in(folder.path(), &args);
+    assert_eq!(refused.status.code(), Some(1), "the thesis' gains are not allowed");
+    let said = String::from_utf8(refused.stdout).unwrap();
+    assert!(said.contains("NOT ALLOWED: thesis in any scenario: up to "), "{said}");
+}
+
+#[test]
+fn mistakes_are_one_line_each() {
+    let folder = planned(2);
+    let path = folder.path();
+    let refused = |args: &[&str], expected: &str| {
+        let run = run_in(path, args);
+        let why = String::from_utf8(run.stderr).unwrap();
+        assert_eq!(run.status.code(), Some(2), "{args:?}: {why}");
+        assert!(why.lines().count() == 1 && why.contains(expected), "{args:?}: {why}");
+    };
+    let definitions = [
+        ("draws = 40", "draws = 0", "draws: 0 asks for no flight"),
+        ("draws = 40", "draws = 9223372036854775807", "more cases than can be counted"),
+        ("draws = 40", "draws = 40\nflights = 3", "unknown field `flights`"),
+        ("\"tour\"", "\"loop\"", "there is no such scenario"),
+        ("[-0.1, 0.1]", "[0.1, -0.1]", "unknown.mass_kg: [0.1, -0.1] is not a valid range"),
+        ("[-0.1, 0.1]", "[-5, 0.1]", "unknown.mass_kg: must be from -"),
+        ("mass_kg", "thrust_loss = [0, 20]\nmass_kg", "unknown.thrust_loss: must be from -0.500 to 1"),
+        ("mass_kg", "noise = [-1, 2]\nmass_kg", "unknown.noise: must be from 0 to 100"),
+        ("deviation = 0.5", "deviation = -0.5", "unknown.wind_m_s: the deviation -0.5 must not be negative"),
+        (
+            "[-0.1, 0.1]",
+            "\"heavy\"",
+            "line 6, mass_kg = \"heavy\": give a range [low, high] or { mean = ..., deviation = ... }",
+        ),
+        ("[1, 3]", "[1.0, 3.5]", "delay_samples = [1.0, 3.5]: give two whole numbers, [fewest, most]"),
+        ("\"roll-10\"", "\"tour\"", "scenarios: tour is named twice"),
+        ("fault = 0.3", "fault = 3", "unknown.fault: 3 is not a share"),
+        ("fault = 0.3", "coefficients = true", "the model has no standard errors"),
+        ("[unknown]", "model = \"none.toml\"\n[unknown]", "none.toml: cannot be read"),
+        ("[unknown]", "[gains]\nmine = \"c.toml\"\n[unknown]", "mine: "),
+    ];
+    for (from, to, expected) in definitions {
+        std::fs::write(path.join("d.toml"), DEFINITION.replacen(from, to, 1)).unwrap();
+        refused(&["campaign", "plan", "d.toml", "--out", "d.json"], expected);
+        assert!(!path.join("d.json").exists());
+    }
+    refused(&[&RUN[..], &["--shard", "2"]].concat(), "shard 2: the plan has 2, counted from 0");
+    refused(&["campaign", "replay", "plan.json", "160"], "case 160: the plan has 160, counted from 0");
+    refused(
+        &["campaign", "run", "c.toml", "--out", "parts"],
+        "c.toml: is not a campaign's plan; make one with",
+    );
+    let plan = std::fs::read_to_string(path.join("plan.json")).unwrap();
+    std::fs::write(path.join("changed.json"), plan.replace("\"seed\": 3", "\"seed\": 4")).unwrap();
+    refused(&["campaign", "run", "changed.json", "--out", "parts"], "was changed after it was made");
+    done_in(path, &RUN);
+    let report = ["campaign", "report", "plan.json", "--parts", "parts", "--allow"];
+    refused(
+        &[&report[..], &["0.1"]].concat(),
+        "40 draws cannot show that: even with no loss, up to 8.8 % may be lost",
+    );
+    refused(&[&report[..], &["0"]].concat(), "above 0 and at most 100");
+    std::fs::write(path.join("e.toml"), DEFINITION.replace("seed = 3", "seed = 4")).unwrap();
+    done_in(path, &["campaign", "plan", "e.toml", "--out", "e.json"]);
+    refused(&["campaign", "run", "e.json", "--out", "parts"], "holds parts of another campaign");
+    let part = path.join("parts/part-000001-of-000002.parquet");
+    let mut bytes = std::fs::read(&part).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&part, bytes).unwrap();
+    refused(&["campaign", "merge", "plan.json", "--parts", "parts"], "is damaged; remove it and its .json");
+}
