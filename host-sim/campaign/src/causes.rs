@@ -84,10 +84,16 @@ impl Plan {
     /// and the scenario one after the other, the fault first, as long as the craft is lost all the same, and over again until none can be.
     ///
     /// # Errors
-    /// A case that there is not, or a plan that cannot be flown.
+    /// A case that there is not or that nobody could fly, or a plan that cannot be flown.
     pub fn causes(&self, case: u64, path: &Path) -> Result<Option<Causes>, CampaignError> {
         let (case, ready) = (self.case(case)?, self.ready(path)?);
         let drawn = self.drawn(case.draw, &ready.model);
+        if let Some(why) = ready.fly(case)?.flown.impossible {
+            return Err(CampaignError::Flight {
+                case: case.number,
+                why: format!("no gains could fly it: {why}"),
+            });
+        }
         let mut kept: Vec<bool> = drawn.inputs.iter().map(|input| input.value != input.usual).collect();
         let mut with_fault = drawn.fault.is_some();
         let mut trials = Trials { ready: &ready, case, drawn, flown: 0 };

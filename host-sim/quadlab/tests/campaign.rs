@@ -238,6 +238,9 @@ fn mistakes_are_one_line_each() {
         refused(&["campaign", "plan", "d.toml", "--out", "d.json"], expected);
         assert!(!path.join("d.json").exists());
     }
+    std::fs::write(path.join("heavy.toml"), DEFINITION.replacen("[-0.1, 0.1]", "[2.0, 2.0]", 1)).unwrap();
+    done_in(path, &["campaign", "plan", "heavy.toml", "--out", "heavy.json"]);
+    refused(&["campaign", "why", "heavy.json", "0"], "case 0: no gains could fly it: ");
     refused(&[&RUN[..], &["--shard", "2"]].concat(), "shard 2: the plan has 2, counted from 0");
     refused(&["campaign", "replay", "plan.json", "160"], "case 160: the plan has 160, counted from 0");
     refused(
