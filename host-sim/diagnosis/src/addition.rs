@@ -5,7 +5,7 @@ use sysid::prepare::Prepared;
 use sysid::{Fit, FitError, errors};
 
 use crate::finding::EffectFinding;
-use crate::held_out::{examine, fit_and_validate};
+use crate::held_out::{Validated, examine, fit_and_validate};
 use crate::options::Options;
 
 /// An effect added to a model: the better model and the held-out errors without and with it.
@@ -30,28 +30,28 @@ pub fn add(
     validate: &[&Prepared],
     options: &Options,
 ) -> Result<Addition, FitError> {
-    add_from(model, effect, None, train, validate, options)
+    let base = fit_and_validate(model, &model.effects(), train, validate)?;
+    add_to(&base, effect, None, (train, validate), options)
 }
 
-/// The same from values of the effect's coefficients that are known to be near.
-pub(crate) fn add_from(
-    model: &Model,
+/// The same beside a model that is fitted already, from values of the effect's coefficients that are known to be near.
+pub(crate) fn add_to(
+    base: &Validated,
     effect: Effect,
     near: Option<&[f64]>,
-    train: &[&Prepared],
-    validate: &[&Prepared],
+    (train, validate): (&[&Prepared], &[&Prepared]),
     options: &Options,
 ) -> Result<Addition, FitError> {
-    let base = fit_and_validate(model, &model.effects(), train, validate)?;
+    let model = &base.fit.model;
     let mut effects = model.effects();
     effects.push(effect);
-    let mut start = base.fit.model.clone();
+    let mut start = model.clone();
     if let Some(values) = near {
         start.set(effect, values);
     }
     let with = fit_and_validate(&start, &effects, train, validate)?;
     let candidates = options.candidates_with(effect, model);
-    let finding = examine(&base, &with, effect, (train, validate), candidates.len());
+    let finding = examine(base, &with, effect, (train, validate), candidates.len());
     let (before, after) = (errors(&base.held_out), errors(&with.held_out));
     Ok(Addition {
         fit: with.fit,

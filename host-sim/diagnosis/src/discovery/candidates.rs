@@ -4,14 +4,15 @@ use model::Model;
 use rayon::prelude::*;
 use sysid::prepare::Prepared;
 
+use crate::discovery::against::Against;
 use crate::discovery::center::{Center, Flown};
 use crate::discovery::channels::Channel;
 use crate::discovery::form::Form;
-use crate::discovery::hats::{Bases, Quantities};
+use crate::discovery::hats::{Bases, InRoom, Quantities};
 use crate::discovery::phases::{chance_of, of_random_phases};
 use crate::discovery::problem::Problem;
 use crate::discovery::refine::{Refined, refine};
-use crate::discovery::search::{Against, Found, Scored, cost, over_variable};
+use crate::discovery::search::{Found, Scored, cost, over_variable};
 use crate::discovery::shapes::Family;
 use crate::discovery::variables::Variable;
 use crate::observer::{Observer, Progress};
@@ -28,8 +29,10 @@ const KNOTS: usize = 17;
 const KNOTS_OF_TIME: usize = 33;
 /// Forms of one shape that a second shape is tried with.
 const BASES: usize = 6;
-/// Forms of one shape, and of two, that are fitted exactly.
+/// Forms of one shape, and of two, that are fitted exactly, ...
 const REFINED: usize = 8;
+/// ... where they take this part of what the best one of as many shapes takes.
+const WORTHWHILE: f64 = 0.5;
 /// Variables between two words of progress.
 const SIDE_BY_SIDE: usize = 8;
 /// Forms that are tried over relatives of their variables.
@@ -87,7 +90,7 @@ pub(crate) fn candidates(
     if !without_forms.are_significant() {
         return without_forms;
     }
-    let mut forms: Vec<Form> = distinct(&found, REFINED).into_iter().map(|scored| scored.form).collect();
+    let mut forms: Vec<Form> = worthwhile(&found);
     let bases: Vec<Form> = distinct(&found, BASES).into_iter().map(|scored| scored.form).collect();
     forms.extend(wider(&forms));
     let only = Against::new(&problem, &[]);
@@ -97,7 +100,7 @@ pub(crate) fn candidates(
         products.extend(one.best.into_iter().filter(is_product));
     }
     sort(&mut products, problem.rows);
-    forms.extend(distinct(&products, REFINED).into_iter().map(|scored| scored.form));
+    forms.extend(worthwhile(&products));
     let mut refined: Vec<Refined> =
         forms.par_iter().filter_map(|form| refine(&problem, form, variables)).collect();
     let worth = |one: &Refined| one.gain_left_out - cost(one.form.count(variables), problem.rows);
@@ -120,14 +123,13 @@ impl Search<'_> {
     /// What forces about centers find over the distance from these, side by side, as one step.
     fn about_centers(&self, against: &Against, [step, steps]: [usize; 2]) -> Vec<Found> {
         self.observer.progress(Progress { activity: "trying forms", steps: Some((step, steps)) });
+        let in_room = InRoom::new(self.problem);
         let about = |alike: &[Center]| {
             let [center, ..] = alike else { return None };
             let distance = Variable::distance_from(self.variables, *center)?;
             let span = self.variables[distance].flown().distances(*center);
-            let forms =
-                alike.iter().map(|center| Form { channel: Channel::Center(*center), factors: Vec::new() });
-            let bases = [Bases::new(self.problem, forms.collect(), self.variables)];
-            let quantities = Quantities::from_center(self.problem, *center, distance);
+            let bases = [Bases::about((self.problem, in_room.as_ref()), alike, self.variables)];
+            let quantities = Quantities::from_center(in_room.as_ref(), *center, distance);
             let over = (self.variables, distance);
             Some(over_variable(self.problem, against, (&bases, &quantities), over, (span, KNOTS)))
         };
@@ -197,6 +199,13 @@ fn knots_of(variable: &Variable) -> usize {
 
 fn sort(found: &mut [Scored], rows: usize) {
     found.sort_by(|one, other| other.worth(rows).total_cmp(&one.worth(rows)));
+}
+
+/// The forms that are fitted exactly.
+fn worthwhile(found: &[Scored]) -> Vec<Form> {
+    let enough = found.first().map_or(0.0, |best| WORTHWHILE * best.gain);
+    let kept = distinct(found, REFINED).into_iter().filter(|scored| scored.gain >= enough);
+    kept.map(|scored| scored.form).collect()
 }
 
 /// The best: of each way to act three at most, two of them over the same variables.

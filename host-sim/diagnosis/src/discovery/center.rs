@@ -1,6 +1,5 @@
 //! Forces towards a point, and around a vertical axis: where these are, and what formulas say of them.
 
-use model::Sample;
 use nalgebra::Vector3;
 
 use crate::discovery::shapes::Span;
@@ -99,10 +98,10 @@ impl Center {
         self.place_ned_m == other.place_ned_m && is_point(self) == is_point(other)
     }
 
-    /// The direction in which a force acts on a craft, NED.
+    /// The direction in which a force acts on a craft at a place, NED.
     #[inline]
-    pub(crate) fn direction(self, sample: &Sample) -> Vector3<f64> {
-        let to = self.to(&sample.input.position_ned_m);
+    pub(crate) fn direction_from(self, position_ned_m: &Vector3<f64>) -> Vector3<f64> {
+        let to = self.to(position_ned_m);
         let unit = to / to.norm().max(NEAREST.2);
         if self.about == About::Around { Vector3::new(unit.y, -unit.x, 0.0) } else { unit }
     }

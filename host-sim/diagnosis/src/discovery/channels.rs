@@ -87,6 +87,17 @@ impl Channel {
         }
     }
 
+    /// Ways to act, none of them with parameters of its own, that it is a weighted sum of.
+    pub(crate) fn parts(self) -> Vec<Self> {
+        match self {
+            Self::Center(_) => (0..3).map(Self::Earth).collect(),
+            Self::EachRotor(levers) => {
+                levers.into_iter().enumerate().map(|(k, own)| Self::Rotor(k, own)).collect()
+            }
+            _ => vec![self],
+        }
+    }
+
     /// What it acts about.
     #[inline]
     pub(crate) const fn center(self) -> Option<Center> {
@@ -136,7 +147,10 @@ impl Channel {
                 forces(first, sample.input.dcm.column(0) * per_mass);
                 forces(first + 1, sample.input.dcm.column(1) * per_mass);
             }
-            Self::Center(center) => forces(first, sample.input.dcm * center.direction(sample) * per_mass),
+            Self::Center(center) => forces(
+                first,
+                sample.input.dcm * center.direction_from(&sample.input.position_ned_m) * per_mass,
+            ),
             Self::Thrust => sink.add(Axis::W, first, -value * sample.thrust_m_s2()),
             Self::Drag => forces(first, sample.air_velocity_m_s * -per_mass),
             Self::HorizontalDrag => {

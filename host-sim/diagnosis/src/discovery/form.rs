@@ -1,6 +1,7 @@
 //! A form: a way to act, times one or two shapes of measured quantities.
 
 use model::{LagId, Sample, Sink};
+use nalgebra::Vector3;
 use sysid::fit::terms::Terms;
 
 use crate::discovery::center::Center;
@@ -15,6 +16,11 @@ pub(crate) struct Factor {
     pub(crate) variable: usize,
     pub(crate) shape: Shape,
 }
+
+/// Factors of a form at most.
+const MOST_FACTORS: usize = 4;
+/// Parameters of their shapes at most, and one.
+const MOST_PARAMETERS: usize = 2 * MOST_FACTORS + 1;
 
 /// A way to act, times shapes of measured quantities.
 #[derive(Debug, Clone, PartialEq)]
@@ -172,16 +178,125 @@ impl Form {
 /// amplitude.
 pub(crate) struct FormTerms<'a> {
     forms: Vec<(Form, f64)>,
+    /// The parameter that each of the forms but the first has another value of.
+    parameters: Vec<Parameter>,
     variables: &'a [Variable],
 }
 
 impl<'a> FormTerms<'a> {
     pub(crate) fn new(form: &Form, variables: &'a [Variable]) -> Self {
-        let ahead = form.parameters().into_iter().map(|parameter| {
-            let step = form.step(variables, parameter);
-            (form.with(parameter, form.value(parameter) + step), step)
+        let parameters = form.parameters();
+        let ahead = parameters.iter().map(|parameter| {
+            let step = form.step(variables, *parameter);
+            (form.with(*parameter, form.value(*parameter) + step), step)
         });
-        Self { forms: std::iter::once((form.clone(), 1.0)).chain(ahead).collect(), variables }
+        let forms = std::iter::once((form.clone(), 1.0)).chain(ahead).collect();
+        Self { forms, parameters, variables }
+    }
+
+    /// What is formed once for all parameters: ways to act whose weighted sums these terms are.
+    pub(crate) fn formed_once(&self) -> FormedOnce {
+        FormedOnce(self.forms[0].0.channel.parts())
+    }
+
+    /// Values that the weights are found from, at a sample: the variables of the factors, of each rotor where each has its own, and the
+    /// place where there is a center.
+    pub(crate) fn values(&self, sample: &Sample, values: &mut [f64]) {
+        let (form, _) = &self.forms[0];
+        let of = |rotor: usize| {
+            form.factors.iter().map(move |f| self.variables[f.variable].of_rotor(sample, rotor))
+        };
+        let rotors = if form.channel.is_each_rotor() { 4 } else { 1 };
+        let all = (0..rotors).flat_map(of).chain(sample.input.position_ned_m.iter().copied());
+        values.iter_mut().zip(all).for_each(|(own, value)| *own = value);
+    }
+
+    /// How many values these are.
+    pub(crate) fn value_count(&self) -> usize {
+        let (form, _) = &self.forms[0];
+        let rotors = if form.channel.is_each_rotor() { 4 } else { 1 };
+        rotors * form.factors.len() + if form.channel.center().is_some() { 3 } else { 0 }
+    }
+
+    /// What each of the ways to act that are formed once is multiplied by, term by term.
+    pub(crate) fn weights(&self, values: &[f64], weights: &mut [f64]) {
+        let (form, _) = &self.forms[0];
+        let count = form.factors.len();
+        if form.channel.center().is_some() {
+            return self.weights_about_center(values, weights);
+        }
+        let mut scalars = [0.0; MOST_PARAMETERS];
+        let scalars = &mut scalars[..self.forms.len()];
+        if form.channel.is_each_rotor() {
+            for rotor in 0..4 {
+                self.scalars(&values[rotor * count..][..count], scalars);
+                scalars.iter().enumerate().for_each(|(k, scalar)| weights[4 * k + rotor] = *scalar);
+            }
+            return;
+        }
+        self.scalars(values, scalars);
+        let amplitudes = form.channel.amplitudes();
+        weights.fill(0.0);
+        for (k, own) in weights.chunks_exact_mut(amplitudes).enumerate() {
+            own[k % amplitudes] = scalars[k / amplitudes];
+        }
+    }
+
+    /// Along north, east and down.
+    fn weights_about_center(&self, values: &[f64], weights: &mut [f64]) {
+        let (form, _) = &self.forms[0];
+        let (values, place) = values.split_at(form.factors.len());
+        let place = Vector3::from_row_slice(place);
+        let force = |form: &Form| {
+            let Some(center) = form.channel.center() else { return Vector3::zeros() };
+            let at = |(factor, value): (&Factor, &f64)| {
+                let is_distance = self.variables[factor.variable].is_distance();
+                factor.shape.at(if is_distance { center.distance_m(&place) } else { *value })
+            };
+            center.direction_from(&place) * form.factors.iter().zip(values).map(at).product::<f64>()
+        };
+        let here = force(form);
+        weights[..3].copy_from_slice(here.as_slice());
+        for (own, (ahead, step)) in weights[3..].chunks_exact_mut(3).zip(&self.forms[1..]) {
+            own.copy_from_slice(((force(ahead) - here) / *step).as_slice());
+        }
+    }
+
+    /// What the way to act is multiplied by: the scalar, then its slope over each parameter of the shapes, from values of the variables of
+    /// the factors.
+    fn scalars(&self, values: &[f64], scalars: &mut [f64]) {
+        let (form, _) = &self.forms[0];
+        let mut own = [1.0; MOST_FACTORS];
+        for ((own, factor), value) in own.iter_mut().zip(&form.factors).zip(values) {
+            *own = factor.shape.at(*value);
+        }
+        let here: f64 = own.iter().product();
+        scalars[0] = here;
+        let ahead = self.forms[1..].iter().zip(&self.parameters);
+        for (scalar, ((ahead, step), parameter)) in scalars[1..].iter_mut().zip(ahead) {
+            let mut there = own;
+            if let Parameter::OfShape { factor, .. } = *parameter {
+                there[factor] = ahead.factors[factor].shape.at(values[factor]);
+            }
+            *scalar = (there.iter().product::<f64>() - here) / step;
+        }
+    }
+}
+
+/// Ways to act that are multiplied by nothing yet.
+pub(crate) struct FormedOnce(pub(crate) Vec<Channel>);
+
+impl Terms for FormedOnce {
+    fn count(&self) -> usize {
+        self.0.iter().map(|channel| channel.amplitudes()).sum()
+    }
+
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        let mut first = 0;
+        for channel in &self.0 {
+            channel.add(sample, [1.0; 4], first, sink);
+            first += channel.amplitudes();
+        }
     }
 }
 

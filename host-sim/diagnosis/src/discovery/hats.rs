@@ -4,14 +4,17 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use model::{LagId, Sample, Sink};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DMatrixView, Vector3};
 use sysid::fit::terms::Terms;
 use sysid::fit::times_hats::{EvenHats, QuantitySignal, TermSignals};
 
+use crate::discovery::against::Against;
 use crate::discovery::center::Center;
-use crate::discovery::form::Form;
+use crate::discovery::channels::Channel;
+use crate::discovery::form::{Form, FormedOnce};
 use crate::discovery::problem::{Problem, White};
 use crate::discovery::variables::Variable;
+use crate::discovery::whitening;
 
 /// Forms that hats of a variable are tried with, by amplitude: each is a parameter.
 pub(crate) struct Bases<'a> {
@@ -23,18 +26,6 @@ pub(crate) struct Bases<'a> {
 
 /// Variables that are formed once, by flight; nothing for those that each rotor has of its own.
 pub(crate) struct Quantities(Vec<Option<Vec<QuantitySignal>>>);
-
-/// Rows of forms times hats, made white, for each axis.
-pub(crate) struct HatRows {
-    axes: [HatsOfAxis; 6],
-    hats: usize,
-}
-
-/// For each parameter that acts on the axis, and each hat, a row; a column for each row of the flights.
-struct HatsOfAxis {
-    parameters: Vec<usize>,
-    values: DMatrix<f64>,
-}
 
 impl Quantities {
     /// Those of the flights of a problem.
@@ -62,14 +53,40 @@ impl Quantities {
     }
 
     /// Only a distance, of that number among the variables, from a center.
-    pub(crate) fn from_center(problem: &Problem<'_>, center: Center, distance: usize) -> Self {
-        let of = |sample: &Sample, values: &mut [f64]| {
-            values.fill(center.distance_m(&sample.input.position_ned_m));
+    pub(crate) fn from_center(in_room: Option<&InRoom>, center: Center, distance: usize) -> Self {
+        let from = |place: &[f64]| center.distance_m(&Vector3::from_row_slice(place));
+        let of = |in_room: &InRoom| {
+            in_room.0.iter().map(|(_, place)| QuantitySignal::of(place, from)).collect::<Vec<_>>()
         };
-        let of_flight = |flight: &sysid::Prepared| flight.quantity_signals(1, &[], problem.model, of);
-        let mut all: Vec<Option<Vec<QuantitySignal>>> = (0..distance).map(|_| None).collect();
-        all.push(Some(problem.prepared().flat_map(of_flight).collect()));
-        Self(all)
+        Self((0..distance).map(|_| None).chain([in_room.map(of)]).collect())
+    }
+}
+
+/// What all forces about centers are made of, in each flight: forces along north, east and down, and the place.
+pub(crate) struct InRoom(Vec<(TermSignals, Vec<QuantitySignal>)>);
+
+impl InRoom {
+    /// Nothing where whole columns are wanted.
+    pub(crate) fn new(problem: &Problem<'_>) -> Option<Self> {
+        let place = |sample: &Sample, values: &mut [f64]| {
+            values.copy_from_slice(sample.input.position_ned_m.as_slice());
+        };
+        let along_earth = FormedOnce((0..3).map(Channel::Earth).collect());
+        let of_flight = |flight: &sysid::Prepared| {
+            let forces = flight.term_signals(&along_earth, problem.model)?;
+            Some((forces, flight.quantity_signals(3, &[], problem.model, place)))
+        };
+        problem.prepared().map(of_flight).collect::<Option<_>>().map(Self)
+    }
+
+    /// Forces about centers.
+    fn forces(&self, centers: &[Center]) -> Vec<TermSignals> {
+        let directions = |place: &[f64], weights: &mut [f64]| {
+            for (own, center) in weights.chunks_exact_mut(3).zip(centers) {
+                own.copy_from_slice(center.direction_from(&Vector3::from_row_slice(place)).as_slice());
+            }
+        };
+        self.0.iter().map(|(forces, place)| forces.recombined(place, centers.len(), directions)).collect()
     }
 }
 
@@ -83,6 +100,20 @@ impl<'a> Bases<'a> {
             bases.signals = problem.prepared().map(of_flight).collect();
         }
         bases
+    }
+
+    /// Forces about centers that are nothing but that.
+    pub(crate) fn about(
+        (problem, in_room): (&Problem<'_>, Option<&InRoom>),
+        centers: &[Center],
+        variables: &'a [Variable],
+    ) -> Self {
+        let form = |center: &Center| Form { channel: Channel::Center(*center), factors: Vec::new() };
+        let forms: Vec<Form> = centers.iter().map(form).collect();
+        match in_room {
+            Some(in_room) => Self { forms, variables, signals: Some(in_room.forces(centers)) },
+            None => Self::new(problem, forms, variables),
+        }
     }
 
     /// The forms that one shape more of a variable means something to, which may be none.
@@ -160,75 +191,31 @@ impl<S: Sink> Sink for OfHat<'_, S> {
     }
 }
 
-impl HatRows {
-    /// Of bases times hats of a variable; nothing where it means nothing to any of them. The bases are those that it means something to.
-    pub(crate) fn new<'a>(
-        problem: &Problem<'_>,
-        bases: &'a Bases<'_>,
-        quantities: &Quantities,
-        variable: usize,
-        hats: EvenHats,
-    ) -> Option<(Cow<'a, [Form]>, Self)> {
-        let taking = bases.taking(variable)?;
-        if let (true, Some(signals), Some(quantity)) =
-            (taking.forms.len() == bases.forms.len(), &bases.signals, &quantities.0[variable])
-        {
-            return Some((Cow::Borrowed(&bases.forms), Self::formed(problem, signals, quantity, hats)));
-        }
-        let terms = TimesHats { bases: &taking, variable: &bases.variables[variable], hats };
-        let rows = Self::of_columns(&problem.columns(&terms), problem.rows, hats.count);
-        Some((Cow::Owned(taking.forms), rows))
-    }
+/// Rows that are formed at a time: so many stay in a processor's cache.
+const ROWS_AT_ONCE: usize = 128;
 
-    /// From what was formed once.
-    fn formed(
-        problem: &Problem<'_>,
-        signals: &[TermSignals],
-        quantity: &[QuantitySignal],
-        hats: EvenHats,
-    ) -> Self {
-        let parameters = signals.first().map(TermSignals::parameters_by_axis).unwrap_or_default();
-        let widths = parameters.each_ref().map(|of_axis| of_axis.len() * hats.count);
-        let mut rows: [Vec<f64>; 6] = widths.map(|width| Vec::with_capacity(width * problem.rows));
-        for (flight, (signals, quantity)) in signals.iter().zip(quantity).enumerate() {
-            let firsts = rows.each_ref().map(Vec::len);
-            signals.append_times_hats(quantity, &hats, &mut rows);
-            for (axis, (rows, first)) in rows.iter_mut().zip(firsts).enumerate() {
-                problem.whiten_rows(flight, axis, &mut rows[first..], widths[axis]);
-            }
-        }
-        let mut parameters = parameters.into_iter();
-        let axes = rows.map(|values| {
-            let parameters = parameters.next().unwrap_or_default();
-            let width = parameters.len() * hats.count;
-            let rows = if width == 0 { 0 } else { problem.rows };
-            HatsOfAxis { parameters, values: DMatrix::from_vec(width, rows, values) }
-        });
-        Self { axes, hats: hats.count }
-    }
-
-    /// From white columns: of each parameter, with every hat.
-    fn of_columns(columns: &[White], rows: usize, hats: usize) -> Self {
-        let axes = std::array::from_fn(|axis| {
-            let acts = |of_parameter: &&[White]| of_parameter.iter().any(|column| column[axis].is_some());
-            let (parameters, acting): (Vec<usize>, Vec<&[White]>) =
-                columns.chunks_exact(hats).enumerate().filter(|(_, chunk)| acts(chunk)).unzip();
-            let mut values = DMatrix::zeros(acting.len() * hats, rows);
-            for (place, column) in acting.into_iter().flatten().enumerate() {
-                if let Some(column) = &column[axis] {
-                    values.row_mut(place).iter_mut().zip(column).for_each(|(value, own)| *value = *own);
-                }
-            }
-            HatsOfAxis { parameters, values }
-        });
-        Self { axes, hats }
-    }
+/// Cross products of bases times hats of a variable, as rows made white, with each other and with what they are held against.
+pub(crate) struct CrossProducts {
+    axes: [OfAxis; 6],
+    hats: usize,
+    /// Parameters of each form.
+    parameters: Vec<Range<usize>>,
 }
 
-/// Cross products of rows with what they are held against, on each axis.
-pub(crate) struct CrossProducts<'a> {
-    rows: &'a HatRows,
-    against: [DMatrix<f64>; 6],
+/// Those on one axis.
+struct OfAxis {
+    /// The forms that act on it, with what of the axis' columns is theirs, and the first of these among those of the form.
+    forms: Vec<OfForm>,
+    /// A row for each parameter that acts on the axis, and each hat.
+    against: DMatrix<f64>,
+}
+
+struct OfForm {
+    form: usize,
+    columns: Range<usize>,
+    first: usize,
+    /// Of its columns with each other.
+    gram: DMatrix<f64>,
 }
 
 /// Cross products of the hats of one form.
@@ -239,36 +226,202 @@ pub(crate) struct Products {
     pub(crate) against: DMatrix<f64>,
 }
 
-impl<'a> CrossProducts<'a> {
-    /// With columns of each axis.
-    pub(crate) fn new(rows: &'a HatRows, against: &[DMatrix<f64>; 6]) -> Self {
-        let of_axis = |axis: usize| &rows.axes[axis].values * &against[axis];
-        let empty = |axis: usize| DMatrix::zeros(0, against[axis].ncols());
-        let has = |axis: usize| !rows.axes[axis].parameters.is_empty();
-        Self {
-            rows,
-            against: std::array::from_fn(|axis| if has(axis) { of_axis(axis) } else { empty(axis) }),
+impl CrossProducts {
+    /// Nothing where the variable means nothing to any of the bases. The forms are those that it means something to.
+    pub(crate) fn new<'a>(
+        (problem, against): (&Problem<'_>, &Against),
+        bases: &'a Bases<'_>,
+        (quantities, variable): (&Quantities, usize),
+        hats: EvenHats,
+    ) -> Option<(Cow<'a, [Form]>, Self)> {
+        let taking = bases.taking(variable)?;
+        if let (true, Some(signals), Some(quantity)) =
+            (taking.forms.len() == bases.forms.len(), &bases.signals, &quantities.0[variable])
+        {
+            let parameters = signals.first().map(TermSignals::parameters_by_axis).unwrap_or_default();
+            let mut products = Self::empty(&bases.forms, &parameters, hats.count, against);
+            products.add_formed((problem, against), signals, quantity, hats);
+            return Some((Cow::Borrowed(&bases.forms), products));
+        }
+        let terms = TimesHats { bases: &taking, variable: &bases.variables[variable], hats };
+        let columns = problem.columns(&terms);
+        let acts = |of_parameter: &[White], axis: usize| of_parameter.iter().any(|own| own[axis].is_some());
+        let acting = |axis: usize| {
+            let by_parameter = columns.chunks_exact(hats.count).enumerate();
+            by_parameter.filter(|(_, own)| acts(own, axis)).map(|(parameter, _)| parameter).collect()
+        };
+        let parameters: [Vec<usize>; 6] = std::array::from_fn(acting);
+        let mut products = Self::empty(&taking.forms, &parameters, hats.count, against);
+        for (axis, parameters) in parameters.iter().enumerate() {
+            let own: Vec<&White> =
+                parameters.iter().flat_map(|k| &columns[k * hats.count..(k + 1) * hats.count]).collect();
+            let mut rows = DMatrix::zeros(own.len(), problem.rows);
+            for (place, column) in own.into_iter().enumerate() {
+                if let Some(column) = &column[axis] {
+                    rows.row_mut(place).iter_mut().zip(column).for_each(|(value, own)| *value = *own);
+                }
+            }
+            products.axes[axis].add(rows.as_slice(), &against.axes[axis], 0);
+        }
+        Some((Cow::Owned(taking.forms), products))
+    }
+
+    /// With nothing in it yet; `parameters` are those that act on each axis.
+    fn empty(forms: &[Form], parameters: &[Vec<usize>; 6], hats: usize, against: &Against) -> Self {
+        let mut next = 0;
+        let ranges: Vec<Range<usize>> = forms
+            .iter()
+            .map(|form| {
+                let first = next;
+                next += form.channel.amplitudes();
+                first..next
+            })
+            .collect();
+        let axes = std::array::from_fn(|axis| {
+            let own = &parameters[axis];
+            let of_form = |(form, range): (usize, &Range<usize>)| {
+                let first = own.iter().position(|parameter| range.contains(parameter))?;
+                let count = own.iter().filter(|parameter| range.contains(parameter)).count();
+                Some(OfForm {
+                    form,
+                    columns: first * hats..(first + count) * hats,
+                    first: (own[first] - range.start) * hats,
+                    gram: DMatrix::zeros(count * hats, count * hats),
+                })
+            };
+            OfAxis {
+                forms: ranges.iter().enumerate().filter_map(of_form).collect(),
+                against: DMatrix::zeros(own.len() * hats, against.axes[axis].ncols()),
+            }
+        });
+        Self { axes, hats, parameters: ranges }
+    }
+
+    /// Adds rows from what was formed once.
+    fn add_formed(
+        &mut self,
+        (problem, against): (&Problem<'_>, &Against),
+        signals: &[TermSignals],
+        quantity: &[QuantitySignal],
+        hats: EvenHats,
+    ) {
+        let widths = self.axes.each_ref().map(|axis| axis.against.nrows());
+        // Those of a part of a flight, behind those before that they are predicted from.
+        let mut rows: [Vec<f64>; 6] = Default::default();
+        for ((flight, range), (signals, quantity)) in
+            problem.ranges().enumerate().zip(signals.iter().zip(quantity))
+        {
+            let mut parts = signals.times_hats(quantity, hats);
+            rows.iter_mut().for_each(Vec::clear);
+            let (mut past, mut first) = (0, 0);
+            while let Some(count) = parts.append_next(ROWS_AT_ONCE, &mut rows) {
+                let kept = (past + count).min(whitening::ORDER);
+                for (axis, (rows, width)) in rows.iter_mut().zip(widths).enumerate() {
+                    let next = rows[(past + count - kept) * width..].to_vec();
+                    problem.whiten_rows((flight, axis), (&mut *rows, width), (past, first));
+                    self.axes[axis].add(&rows[past * width..], &against.axes[axis], range.start + first);
+                    *rows = next;
+                }
+                first += count;
+                past = kept;
+            }
         }
     }
 
-    /// Of the parameters of one form, hat by hat.
-    pub(crate) fn of(&self, parameters: &Range<usize>) -> Products {
-        let hats = self.rows.hats;
-        let size = parameters.len() * hats;
+    /// Those of one form, hat by hat.
+    pub(crate) fn of(&self, form: usize, against: &Against) -> Products {
+        let size = self.parameters[form].len() * self.hats;
         let mut gram = DMatrix::zeros(size, size);
-        let mut with = DMatrix::zeros(size, self.against[0].ncols());
-        for (axis, against) in self.rows.axes.iter().zip(&self.against) {
-            let own = |parameter: &&usize| parameters.contains(parameter);
-            let Some(first) = axis.parameters.iter().position(|parameter| own(&parameter)) else { continue };
-            let width = axis.parameters.iter().filter(own).count() * hats;
-            let to = (axis.parameters[first] - parameters.start) * hats;
-            let rows = axis.values.rows(first * hats, width);
-            let mut block = gram.view_mut((to, to), (width, width));
-            // Not by `tr_mul`: that multiplies without blocks.
-            block.gemm(1.0, &rows, &rows.transpose(), 1.0);
-            let mut block = with.rows_mut(to, width);
-            block += against.rows(first * hats, width);
+        let mut with = DMatrix::zeros(size, against.taken + against.residuals());
+        for (axis, of_basis) in self.axes.iter().zip(&against.of_basis) {
+            let Some(own) = axis.forms.iter().find(|own| own.form == form) else { continue };
+            let width = own.columns.len();
+            let mut block = gram.view_mut((own.first, own.first), (width, width));
+            block += &own.gram;
+            let places = of_basis.iter().copied().chain(against.taken..against.taken + against.residuals());
+            let rows = axis.against.rows(own.columns.start, width);
+            for (column, place) in rows.column_iter().zip(places) {
+                let mut sum = with.view_mut((own.first, place), (width, 1));
+                sum += column;
+            }
         }
         Products { gram, against: with }
+    }
+}
+
+impl OfAxis {
+    /// Adds rows, one value after the other, the first of them row `first` of all.
+    fn add(&mut self, rows: &[f64], against: &DMatrix<f64>, first: usize) {
+        let width = self.against.nrows();
+        if width == 0 {
+            return;
+        }
+        let count = rows.len() / width;
+        let all = DMatrixView::from_slice(rows, width, count);
+        self.against.gemm(1.0, &all, &against.rows(first, count), 1.0);
+        for form in &mut self.forms {
+            let (start, own) = (form.columns.start, form.columns.len());
+            let across = all.rows(start, own);
+            // The same values the other way round.
+            let along = DMatrixView::from_slice_with_strides(&rows[start..], count, own, width, 1);
+            form.gram.gemm(1.0, &across, &along, 1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use sysid::Prepared;
+
+    use super::*;
+    use crate::discovery::center::About;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    /// Rows some at a time, from what is formed once, and whole columns: the same products.
+    #[test]
+    fn products_of_rows_some_at_a_time_are_those_of_whole_columns() {
+        let model = truth();
+        let flights = prepared(&model, 30..32, 8.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let problem = Problem::new(&flights, &model);
+        assert!(problem.rows > 2 * ROWS_AT_ONCE);
+        let against = Against::new(&problem, &[]);
+        let variables = Variable::all(&flights, &model);
+        let center = |about| Center { about, place_ned_m: [0.3, -0.2, -0.9] };
+        let centers = [About::Axis, About::Around].map(center);
+        let in_room = InRoom::new(&problem);
+        let distance = Variable::distance_from(&variables, centers[0]).unwrap();
+        let height = variables.iter().position(|variable| variable.name == "height").unwrap();
+        let ways = Channel::all(&model).into_iter().chain([Channel::Horizontal]);
+        let forms: Vec<Form> = ways
+            .filter(|channel| !channel.is_each_rotor())
+            .map(|channel| Form { channel, factors: Vec::new() })
+            .collect();
+        let cases = [
+            (Bases::new(&problem, forms, &variables), Quantities::new(&problem, &variables), height),
+            (
+                Bases::about((&problem, in_room.as_ref()), &centers, &variables),
+                Quantities::from_center(in_room.as_ref(), centers[0], distance),
+                distance,
+            ),
+        ];
+        for (bases, quantities, variable) in cases {
+            let span = match variable {
+                own if own == distance => variables[own].flown().distances(centers[0]),
+                own => variables[own].span,
+            };
+            let hats = EvenHats { ends: [span.low, span.high], count: 9 };
+            let products = |bases: &Bases<'_>| {
+                let over = (&quantities, variable);
+                let (forms, products) = CrossProducts::new((&problem, &against), bases, over, hats).unwrap();
+                (0..forms.len()).map(|form| products.of(form, &against)).collect::<Vec<_>>()
+            };
+            assert!(bases.signals.is_some());
+            let columns = Bases { signals: None, forms: bases.forms.clone(), variables: &variables };
+            for (some, whole) in products(&bases).iter().zip(products(&columns)) {
+                assert!((&some.gram - &whole.gram).amax() < 1e-9 * whole.gram.amax());
+                assert!((&some.against - &whole.against).amax() < 1e-9 * whole.gram.amax().sqrt());
+            }
+        }
     }
 }

@@ -23,7 +23,17 @@ pub(crate) struct Problem<'a> {
     /// What the model leaves, for each axis, of standard deviation 1 where nothing is left but noise.
     pub(crate) residual: [DVector<f64>; 6],
     /// An orthonormal basis of what the model's own coefficients can take, in its rows of each axis.
-    basis: [DMatrix<f64>; 6],
+    basis: [Basis; 6],
+    /// Vectors of the basis.
+    pub(crate) taken: usize,
+}
+
+/// The rows of one axis of a basis.
+pub(crate) struct Basis {
+    /// The vectors that differ from zero there, ...
+    pub(crate) of: Vec<usize>,
+    /// ... each in a column.
+    pub(crate) columns: DMatrix<f64>,
 }
 
 struct Flight<'a> {
@@ -77,7 +87,8 @@ impl<'a> Problem<'a> {
             flights,
             rows,
             residual: std::array::from_fn(|_| DVector::zeros(rows)),
-            basis: std::array::from_fn(|_| DMatrix::zeros(rows, 0)),
+            basis: std::array::from_fn(|_| Basis { of: Vec::new(), columns: DMatrix::zeros(rows, 0) }),
+            taken: 0,
         };
         let targets: Vec<RowColumn> = about.iter().map(|rows| rows.targets.clone().map(Some)).collect();
         let mut residual = problem.white(&targets);
@@ -88,7 +99,7 @@ impl<'a> Problem<'a> {
                 problem.white(&of)
             })
             .collect();
-        problem.basis = basis(&columns, rows);
+        (problem.basis, problem.taken) = basis(&columns, rows);
         problem.take_out(&mut residual);
         problem.residual = residual.map(|axis| DVector::from_vec(axis.unwrap_or_else(|| vec![0.0; rows])));
         problem
@@ -96,7 +107,7 @@ impl<'a> Problem<'a> {
 
     /// What terms contribute, made white; a column for each parameter.
     pub(crate) fn columns(&self, terms: &impl Terms) -> Vec<White> {
-        let mut by_flight: Vec<std::vec::IntoIter<RowColumn>> = self
+        let by_flight = self
             .flights
             .iter()
             .map(|flight| {
@@ -105,10 +116,18 @@ impl<'a> Problem<'a> {
                     let stride = flight.prepared.fit_stride();
                     columns.iter_mut().for_each(|c| slow::take_from_column(flight.prepared, stride, c));
                 }
-                columns.into_iter()
+                columns
             })
             .collect();
-        (0..terms.count())
+        self.white_columns(by_flight)
+    }
+
+    /// Columns of each flight, made white.
+    pub(crate) fn white_columns(&self, by_flight: Vec<Vec<RowColumn>>) -> Vec<White> {
+        let count = by_flight.first().map_or(0, Vec::len);
+        let mut by_flight: Vec<std::vec::IntoIter<RowColumn>> =
+            by_flight.into_iter().map(Vec::into_iter).collect();
+        (0..count)
             .map(|_| {
                 let of: Vec<RowColumn> =
                     by_flight.iter_mut().map(|columns| columns.next().unwrap_or_default()).collect();
@@ -122,10 +141,15 @@ impl<'a> Problem<'a> {
         self.flights.iter().map(|flight| flight.prepared)
     }
 
-    /// Makes values side by side white, row by row of a flight.
-    pub(crate) fn whiten_rows(&self, flight: usize, axis: usize, rows: &mut [f64], width: usize) {
+    /// Makes values side by side white, rows of a flight from its row `first` on, behind `past` rows before these.
+    pub(crate) fn whiten_rows(
+        &self,
+        (flight, axis): (usize, usize),
+        rows: (&mut [f64], usize),
+        (past, first): (usize, usize),
+    ) {
         let flight = &self.flights[flight];
-        flight.whitening[axis].apply_to_rows(rows, width, &flight.starts, flight.scale[axis]);
+        flight.whitening[axis].apply_to_rows(rows, (past, first), &flight.starts, flight.scale[axis]);
     }
 
     /// A column of each flight, made white, over the rows of all.
@@ -150,24 +174,35 @@ impl<'a> Problem<'a> {
 
     /// Takes out of a column what the model's own coefficients can take.
     pub(crate) fn take_out(&self, column: &mut White) {
-        let mut absorbed = DVector::zeros(self.basis[0].ncols());
-        for (basis, values) in self.basis.iter().zip(column.iter()) {
-            if let Some(values) = values {
-                absorbed += basis.tr_mul(&nalgebra::DVectorView::from_slice(values, values.len()));
-            }
+        self.take_out_absorbed(column, &self.absorbed(column));
+    }
+
+    /// How much of each vector of the basis there is in a column.
+    pub(crate) fn absorbed(&self, column: &White) -> DVector<f64> {
+        let mut absorbed = DVector::zeros(self.taken);
+        for (basis, values) in self.basis.iter().zip(column) {
+            let Some(values) = values else { continue };
+            let own = basis.columns.tr_mul(&nalgebra::DVectorView::from_slice(values, values.len()));
+            basis.of.iter().zip(own.iter()).for_each(|(k, part)| absorbed[*k] += part);
         }
+        absorbed
+    }
+
+    /// Takes so much of each vector of the basis out of a column.
+    pub(crate) fn take_out_absorbed(&self, column: &mut White, absorbed: &DVector<f64>) {
         for (basis, values) in self.basis.iter().zip(column.iter_mut()) {
-            let taken = basis * &absorbed;
-            if taken.amax() == 0.0 {
+            let own = DVector::from_iterator(basis.of.len(), basis.of.iter().map(|k| absorbed[*k]));
+            if own.amax() == 0.0 {
                 continue;
             }
+            let taken = &basis.columns * own;
             let values = values.get_or_insert_with(|| vec![0.0; self.rows]);
             values.iter_mut().zip(taken.iter()).for_each(|(value, taken)| *value -= taken);
         }
     }
 
     /// The basis of an axis.
-    pub(crate) const fn basis(&self, axis: usize) -> &DMatrix<f64> {
+    pub(crate) const fn basis(&self, axis: usize) -> &Basis {
         &self.basis[axis]
     }
 
@@ -203,7 +238,7 @@ impl Noise {
 }
 
 /// An orthonormal basis of columns over the rows of all axes, those that others repeat left out.
-fn basis(columns: &[White], rows: usize) -> [DMatrix<f64>; 6] {
+fn basis(columns: &[White], rows: usize) -> ([Basis; 6], usize) {
     let mut found: Vec<DVector<f64>> = Vec::new();
     for column in columns {
         let mut vector = DVector::zeros(6 * rows);
@@ -225,5 +260,11 @@ fn basis(columns: &[White], rows: usize) -> [DMatrix<f64>; 6] {
             found.push(vector / left);
         }
     }
-    std::array::from_fn(|axis| DMatrix::from_fn(rows, found.len(), |row, k| found[k][axis * rows + row]))
+    let of_axis = |axis: usize| {
+        let rows_of = |k: usize| found[k].rows(axis * rows, rows);
+        let of: Vec<usize> = (0..found.len()).filter(|k| rows_of(*k).amax() > 0.0).collect();
+        let columns = DMatrix::from_fn(rows, of.len(), |row, k| found[of[k]][axis * rows + row]);
+        Basis { of, columns }
+    };
+    (std::array::from_fn(of_axis), found.len())
 }

@@ -1,7 +1,11 @@
 //! A form fitted exactly: its amplitudes and the parameters of its shapes beside all of the model's coefficients, by variable
 //! projection, and what it is worth on each training flight when it is fitted to the others.
 
+use model::{LagId, Sample};
 use nalgebra::{DMatrix, DVector};
+use sysid::Prepared;
+use sysid::fit::terms::Terms;
+use sysid::fit::times_hats::{QuantitySignal, TermSignals};
 
 use crate::discovery::form::{Form, FormTerms};
 use crate::discovery::problem::{Problem, White};
@@ -9,7 +13,7 @@ use crate::discovery::variables::Variable;
 
 /// Steps of a fit at most.
 const STEPS: usize = 12;
-/// A step that gains less than this ends the fit.
+/// A step that gains less than this, in variances of the noise, ends the fit.
 const CONVERGED: f64 = 1e-2;
 
 /// A form as fitted.
@@ -26,28 +30,86 @@ pub(crate) struct Refined {
 
 /// A form at its parameters: the amplitudes that fit best, and what they take.
 struct At {
-    columns: Vec<White>,
+    columns: Columns,
     amplitudes: DVector<f64>,
     gain: f64,
 }
 
+/// Columns, and how much of what the model's own coefficients can take there is in them: a column of numbers for each.
+#[derive(Clone)]
+struct Columns {
+    white: Vec<White>,
+    absorbed: DMatrix<f64>,
+}
+
+impl Columns {
+    fn new(problem: &Problem<'_>, white: Vec<White>) -> Self {
+        let absorbed: Vec<DVector<f64>> = white.iter().map(|column| problem.absorbed(column)).collect();
+        Self { absorbed: DMatrix::from_fn(problem.taken, white.len(), |k, c| absorbed[c][k]), white }
+    }
+
+    /// Their products with each other, what the model's own coefficients can take left out.
+    fn gram(&self) -> DMatrix<f64> {
+        gram(&self.white) - self.absorbed.tr_mul(&self.absorbed)
+    }
+}
+
+/// Where forms with one way to act and the same variables are fitted.
+struct Place<'a> {
+    problem: &'a Problem<'a>,
+    variables: &'a [Variable],
+    /// What does not depend on the parameters, in each flight; nothing where whole columns are wanted.
+    formed: Option<Vec<(TermSignals, Vec<QuantitySignal>)>>,
+}
+
+impl<'a> Place<'a> {
+    fn new(problem: &'a Problem<'a>, form: &Form, variables: &'a [Variable]) -> Self {
+        let terms = FormTerms::new(form, variables);
+        let lags: Vec<LagId> = form.lags(variables).collect();
+        let of_flight = |flight: &Prepared| {
+            let signals = flight.term_signals(&terms.formed_once(), problem.model)?;
+            let values = |sample: &Sample, values: &mut [f64]| terms.values(sample, values);
+            Some((signals, flight.quantity_signals(terms.value_count(), &lags, problem.model, values)))
+        };
+        Self { problem, variables, formed: problem.prepared().map(of_flight).collect() }
+    }
+
+    fn columns(&self, form: &Form) -> Vec<White> {
+        let terms = FormTerms::new(form, self.variables);
+        let Some(formed) = &self.formed else { return self.problem.columns(&terms) };
+        let of_flight = |(signals, quantities): &(TermSignals, Vec<QuantitySignal>)| {
+            signals.weighted(quantities, terms.count(), |values, weights| terms.weights(values, weights))
+        };
+        self.problem.white_columns(formed.iter().map(of_flight).collect())
+    }
+}
+
 impl At {
-    fn new(problem: &Problem<'_>, form: &Form, variables: &[Variable]) -> Option<Self> {
-        let mut columns = problem.columns(&FormTerms::new(form, variables));
-        columns.iter_mut().for_each(|column| problem.take_out(column));
+    fn new(place: &Place<'_>, form: &Form) -> Option<Self> {
+        let problem = place.problem;
+        let columns = Columns::new(problem, place.columns(form));
         let d = form.channel.amplitudes();
-        let gram = gram(&columns[..d]);
-        let right = with_residual(problem, &columns[..d]);
+        let absorbed = columns.absorbed.columns(0, d);
+        let gram = gram(&columns.white[..d]) - absorbed.tr_mul(&absorbed);
+        // The residual has nothing in it that the model's own coefficients can take.
+        let right = with_residual(problem, &columns.white[..d]);
         let amplitudes = gram.cholesky()?.solve(&right);
         let gain = amplitudes.dot(&right);
         gain.is_finite().then_some(Self { columns, amplitudes, gain })
     }
 
     /// Columns of the amplitudes, then of the parameters at these amplitudes.
-    fn jacobian(&self) -> Vec<White> {
+    fn jacobian(&self) -> Columns {
         let d = self.amplitudes.len();
-        let mut all: Vec<White> = self.columns[..d].to_vec();
-        for slopes in self.columns[d..].chunks(d) {
+        let mut all: Vec<White> = self.columns.white[..d].to_vec();
+        let own = &self.columns.absorbed;
+        let mut absorbed = DMatrix::zeros(own.nrows(), own.ncols() / d + d - 1);
+        absorbed.columns_mut(0, d).copy_from(&own.columns(0, d));
+        for k in d..absorbed.ncols() {
+            let slopes = own.columns((k - d + 1) * d, d);
+            absorbed.set_column(k, &(slopes * &self.amplitudes));
+        }
+        for slopes in self.columns.white[d..].chunks(d) {
             let mut sum: White = Default::default();
             for (slope, amplitude) in slopes.iter().zip(self.amplitudes.iter()) {
                 for (sum, values) in sum.iter_mut().zip(slope) {
@@ -58,7 +120,7 @@ impl At {
             }
             all.push(sum);
         }
-        all
+        Columns { white: all, absorbed }
     }
 }
 
@@ -86,18 +148,20 @@ fn with_residual(problem: &Problem<'_>, columns: &[White]) -> DVector<f64> {
 
 /// Fits a form from where a search found it; steps that turn out to be edges as such.
 pub(crate) fn refine(problem: &Problem<'_>, form: &Form, variables: &[Variable]) -> Option<Refined> {
-    let (mut form, mut here) = settled(problem, form.clone(), variables)?;
+    let place = Place::new(problem, form, variables);
+    let (mut form, mut here) = settled(&place, form.clone())?;
     let sharp = form.sharpened(variables);
     if sharp != form {
-        (form, here) = settled(problem, sharp, variables)?;
+        (form, here) = settled(&place, sharp)?;
     }
     let (gain_left_out, improved) = left_out(problem, &here);
     Some(Refined { form, amplitudes: here.amplitudes.iter().copied().collect(), gain_left_out, improved })
 }
 
 /// A form at the parameters that fit best near where they are.
-fn settled(problem: &Problem<'_>, mut form: Form, variables: &[Variable]) -> Option<(Form, At)> {
-    let mut here = At::new(problem, &form, variables)?;
+fn settled(place: &Place<'_>, mut form: Form) -> Option<(Form, At)> {
+    let Place { problem, variables, .. } = *place;
+    let mut here = At::new(place, &form)?;
     let parameters = form.parameters();
     let mut damping = 1e-3;
     for _ in 0..STEPS {
@@ -106,9 +170,9 @@ fn settled(problem: &Problem<'_>, mut form: Form, variables: &[Variable]) -> Opt
         }
         let jacobian = here.jacobian();
         let d = here.amplitudes.len();
-        let mut normal = gram(&jacobian);
+        let mut normal = jacobian.gram();
         // The residual is that without the form; the amplitudes' step is towards the best, from where they are.
-        let mut right = with_residual(problem, &jacobian);
+        let mut right = with_residual(problem, &jacobian.white);
         for k in 0..right.len() {
             right[k] -= (0..d).map(|j| normal[(k, j)] * here.amplitudes[j]).sum::<f64>();
         }
@@ -125,7 +189,7 @@ fn settled(problem: &Problem<'_>, mut form: Form, variables: &[Variable]) -> Opt
             let moved = value + step[d + k].clamp(-most, most);
             ahead = ahead.with(*parameter, moved.clamp(low, high));
         }
-        match At::new(problem, &ahead, variables) {
+        match At::new(place, &ahead) {
             Some(there) if there.gain > here.gain => {
                 let gained = there.gain - here.gain;
                 (form, here) = (ahead, there);
@@ -143,7 +207,10 @@ fn settled(problem: &Problem<'_>, mut form: Form, variables: &[Variable]) -> Opt
 
 /// What the form is worth on flights left out one by one, linearised about the fit to all of them.
 fn left_out(problem: &Problem<'_>, at: &At) -> (f64, usize) {
-    let jacobian = at.jacobian();
+    let Columns { white: mut jacobian, absorbed } = at.jacobian();
+    for (column, absorbed) in jacobian.iter_mut().zip(absorbed.column_iter()) {
+        problem.take_out_absorbed(column, &absorbed.into_owned());
+    }
     let parts: Vec<(DMatrix<f64>, DVector<f64>)> = problem
         .ranges()
         .map(|range| {
@@ -171,4 +238,90 @@ fn left_out(problem: &Problem<'_>, at: &At) -> (f64, usize) {
         improved += usize::from(gain > 0.0);
     }
     (sum, improved)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discovery::center::{About, Center};
+    use crate::discovery::channels::Channel;
+    use crate::discovery::form::Factor;
+    use crate::discovery::shapes::{Family, Shape};
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    /// A form of that way to act over some variables, a bump over each.
+    fn form(channel: Channel, variables: &[Variable], indices: &[usize]) -> Form {
+        let factor = |index: &usize| {
+            let span = variables[*index].span;
+            // How far distances from a place go is not known beforehand.
+            let length = if span.length() > 0.0 { span.length() } else { 1.0 };
+            let parameters = [span.low + 0.4 * length, 0.3 * length];
+            Factor { variable: *index, shape: Shape { family: Family::Bump, parameters } }
+        };
+        Form { channel, factors: indices.iter().map(factor).collect() }
+    }
+
+    /// Terms that are evaluated sample by sample, and weighted sums of what is formed once: the same columns.
+    #[test]
+    fn what_is_formed_once_gives_the_columns_of_the_terms() {
+        let model = truth();
+        let flights = prepared(&model, 30..32, 8.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let problem = Problem::new(&flights, &model);
+        let variables = Variable::all(&flights, &model);
+        let find = |of: &dyn Fn(&Variable) -> bool| variables.iter().position(of).unwrap();
+        let height = find(&|variable| variable.name == "height");
+        let lagged = find(&|variable| variable.lag_s().is_some() && !variable.is_own());
+        let own = find(&|variable| variable.is_own() && variable.lag_s().is_some());
+        let center = |about| Center { about, place_ned_m: [0.3, -0.2, -0.9] };
+        let distance = |about| Variable::distance_from(&variables, center(about)).unwrap();
+        let mut forms = vec![
+            form(Channel::Horizontal, &variables, &[height, lagged]),
+            form(Channel::Center(center(About::Point)), &variables, &[distance(About::Point), height]),
+            form(Channel::Center(center(About::Around)), &variables, &[distance(About::Around)]),
+        ];
+        for channel in Channel::all(&model) {
+            let over = if channel.is_each_rotor() { [own, height] } else { [height, lagged] };
+            forms.push(form(channel, &variables, &over));
+            forms.extend(channel.wider().map(|wider| form(wider, &variables, &over)));
+        }
+        for form in forms {
+            let place = Place::new(&problem, &form, &variables);
+            assert!(place.formed.is_some());
+            let found = place.columns(&form);
+            let expected = problem.columns(&FormTerms::new(&form, &variables));
+            assert_eq!(found.len(), expected.len());
+            for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+                let expected = expected.clone().unwrap_or_else(|| vec![0.0; problem.rows]);
+                let found = found.clone().unwrap_or_else(|| vec![0.0; problem.rows]);
+                let most = expected.iter().fold(1e-6_f64, |most, value| most.max(value.abs()));
+                // Slopes are differences over a millionth of where a quantity goes.
+                let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-6 * most;
+                let worst = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(found.iter().zip(&expected).all(near), "{form:?}: {worst} of {most}");
+            }
+        }
+    }
+
+    /// Products of columns without what the model takes of them: formed from the columns, and from what is left of them.
+    #[test]
+    fn what_the_model_takes_is_left_out_of_products() {
+        let model = truth();
+        let flights = prepared(&model, 30..32, 8.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let problem = Problem::new(&flights, &model);
+        let variables = Variable::all(&flights, &model);
+        let height = variables.iter().position(|variable| variable.name == "height").unwrap();
+        let form = form(Channel::Earth(2), &variables, &[height]);
+        let mut white = problem.columns(&FormTerms::new(&form, &variables));
+        let found = Columns::new(&problem, white.clone()).gram();
+        white.iter_mut().for_each(|column| problem.take_out(column));
+        let expected = gram(&white);
+        assert!((&found - &expected).amax() < 1e-9 * expected.amax(), "{found} {expected}");
+        assert!(
+            expected[(0, 0)] < 0.999 * gram(&problem.columns(&FormTerms::new(&form, &variables)))[(0, 0)]
+        );
+        // Nothing of them is in the basis any more.
+        assert!(white.iter().all(|column| problem.absorbed(column).amax() < 1e-6 * found[(0, 0)].sqrt()));
+    }
 }

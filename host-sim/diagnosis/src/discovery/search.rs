@@ -6,8 +6,9 @@
 use nalgebra::{DMatrix, DVector};
 use sysid::fit::times_hats::EvenHats;
 
+use crate::discovery::against::Against;
 use crate::discovery::form::{Factor, Form};
-use crate::discovery::hats::{Bases, CrossProducts, HatRows, Products, Quantities};
+use crate::discovery::hats::{Bases, CrossProducts, Products, Quantities};
 use crate::discovery::problem::Problem;
 use crate::discovery::shapes::{Shape, Span};
 use crate::discovery::variables::Variable;
@@ -45,33 +46,6 @@ pub(crate) struct Found {
     pub(crate) by_chance: Vec<f64>,
 }
 
-/// What columns are held against on each axis: the basis of what the model takes, then residuals. The first of these is that which the
-/// model leaves, the others have its colour and random phases.
-pub(crate) struct Against {
-    axes: [DMatrix<f64>; 6],
-    taken: usize,
-}
-
-impl Against {
-    pub(crate) fn new(problem: &Problem<'_>, others: &[[Vec<f64>; 6]]) -> Self {
-        let taken = problem.basis(0).ncols();
-        let axes = std::array::from_fn(|axis| {
-            let mut all = DMatrix::zeros(problem.rows, taken + 1 + others.len());
-            all.columns_mut(0, taken).copy_from(problem.basis(axis));
-            all.set_column(taken, &problem.residual[axis]);
-            for (k, other) in others.iter().enumerate() {
-                all.column_mut(taken + k + 1).copy_from_slice(&other[axis]);
-            }
-            all
-        });
-        Self { axes, taken }
-    }
-
-    fn residuals(&self) -> usize {
-        self.axes[0].ncols() - self.taken
-    }
-}
-
 /// Tries all shapes of one variable with all bases.
 pub(crate) fn over_variable(
     problem: &Problem<'_>,
@@ -85,13 +59,14 @@ pub(crate) fn over_variable(
     let shapes: Vec<(Shape, Vec<f64>)> = span.shapes().into_iter().filter_map(|s| over(s, hats)).collect();
     let mut best = Vec::new();
     for bases in bases {
-        let Some((taking, rows)) = HatRows::new(problem, bases, quantities, variable, hats) else { continue };
-        let products = CrossProducts::new(&rows, &against.axes);
-        let mut first = 0;
-        for base in taking.iter() {
-            let parameters = first..first + base.channel.amplitudes();
-            first = parameters.end;
-            let products = Independent::new(products.of(&parameters), against, parameters.len());
+        let Some((taking, products)) =
+            CrossProducts::new((problem, against), bases, (quantities, variable), hats)
+        else {
+            continue;
+        };
+        for (place, base) in taking.iter().enumerate() {
+            let amplitudes = base.channel.amplitudes();
+            let products = Independent::new(products.of(place, against), against, amplitudes);
             let mut scored: Vec<Scored> = Vec::new();
             for (shape, values) in &shapes {
                 let Some(gains) = products.gains(values) else { continue };

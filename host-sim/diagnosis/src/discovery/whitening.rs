@@ -6,7 +6,7 @@
 //! predictor is that of Levinson and Durbin (Durbin, Rev. Int. Stat. Inst. 28, 1960, p. 233).
 
 /// Neighbouring rows that a row is predicted from.
-const ORDER: usize = 12;
+pub(crate) const ORDER: usize = 12;
 /// Part of the variance that is white at the rows whatever the taps say: rounding, jitter.
 const FLOOR: f64 = 0.01;
 /// Part of accelerations in the variance of the noise, tried.
@@ -52,20 +52,26 @@ impl Whitening {
         white
     }
 
-    /// The same for signals side by side, `width` values to a row, times `scale`.
-    pub(crate) fn apply_to_rows(&self, rows: &mut [f64], width: usize, starts: &[usize], scale: f64) {
+    /// The same for signals side by side, `width` values to a row, times `scale`. The first `past` rows stay as they are: the others are
+    /// predicted from them too. The first of the others is row `first` of its flight.
+    pub(crate) fn apply_to_rows(
+        &self,
+        (rows, width): (&mut [f64], usize),
+        (past, first): (usize, usize),
+        starts: &[usize],
+        scale: f64,
+    ) {
         if width == 0 {
             return;
         }
-        let count = rows.len() / width;
-        for (index, &start) in starts.iter().enumerate() {
-            let end = starts.get(index + 1).copied().unwrap_or(count);
-            // From the last to the first, so that what a row is predicted from is still as it was.
-            for row in (start..end).rev() {
-                let (a, variance) = &self.orders[(row - start).min(ORDER)];
-                let (past, ahead) = rows.split_at_mut(row * width);
-                take_out_predicted(&mut ahead[..width], past, a, scale / variance.sqrt());
-            }
+        // From the last to the first, so that what a row is predicted from is still as it was.
+        for row in (past..rows.len() / width).rev() {
+            let in_flight = first + row - past;
+            let begun = starts.partition_point(|start| *start <= in_flight);
+            let start = begun.checked_sub(1).map_or(0, |piece| starts[piece]);
+            let (a, variance) = &self.orders[(in_flight - start).min(ORDER)];
+            let (before, ahead) = rows.split_at_mut(row * width);
+            take_out_predicted(&mut ahead[..width], before, a, scale / variance.sqrt());
         }
     }
 
@@ -166,7 +172,12 @@ mod tests {
         let signal = |k: usize| (0..40).map(|row| (0.1 * (row * row + 3 * k) as f64).sin()).collect();
         let signals: [Vec<f64>; 3] = std::array::from_fn(signal);
         let mut rows: Vec<f64> = (0..40).flat_map(|row| signals.each_ref().map(|s| s[row])).collect();
-        whitening.apply_to_rows(&mut rows, 3, &[0, 17], 2.0);
+        let starts = [0, 17];
+        // All at once, and the last 15 behind the 25 before them.
+        let mut last = rows.clone();
+        whitening.apply_to_rows((&mut last, 3), (25, 25), &starts, 2.0);
+        whitening.apply_to_rows((&mut rows, 3), (0, 0), &starts, 2.0);
+        assert_eq!(last[75..], rows[75..]);
         for (k, signal) in signals.iter().enumerate() {
             let white = whitening.apply(signal, &[0, 17]);
             let own = rows.iter().skip(k).step_by(3);

@@ -10,7 +10,7 @@ use model::user_effects::{USUAL_COLUMNS, file_of, place_of_column};
 use model::{Axis, Effect, Model, PerAxis, effects};
 use sysid::{Fit, FitError};
 
-use crate::addition::add_from;
+use crate::addition::add_to;
 use crate::criteria::{HELD_OUT_SIGNIFICANCE, SIGNIFICANCE};
 use crate::diagnose::what_is_left;
 use crate::discovery::candidates::{Candidates, candidates};
@@ -89,8 +89,9 @@ fn discover_beyond(
     let variables = Variable::all(&sets.train(), model);
     let hunt = Hunt { model, sets, variables: &variables, options, observer };
     let mut terms: Vec<Refined> = Vec::new();
-    let (mut rest, mut refused) = (hunt.fitted(model)?, None);
-    let mut left = hunt.left(&rest);
+    let known_fit = hunt.fitted(model)?;
+    let mut left = hunt.left(&known_fit);
+    let (mut rest, mut refused) = (known_fit.clone(), None);
     let found = candidates(&sets.train(), model, &variables, observer);
     let mut further: Option<Candidates> = None;
     loop {
@@ -101,7 +102,7 @@ fn discover_beyond(
         if !found.are_significant() {
             break;
         }
-        match hunt.next_term(&rest.fit.model, found, &terms) {
+        match hunt.next_term(&rest, found, &terms) {
             Next::Term(found) => {
                 let (term, with) = *found;
                 terms.push(term);
@@ -119,7 +120,7 @@ fn discover_beyond(
         }
         further = Some(candidates(&sets.train(), &rest.fit.model, &variables, observer));
     }
-    let (proposals, model) = hunt.proposals(&terms, &found)?;
+    let (proposals, model) = hunt.proposals(&known_fit, &terms, &found)?;
     let verdict = match (proposals.is_empty(), left.is_empty()) {
         (false, _) => DiscoveryVerdict::Proposed,
         (true, true) => DiscoveryVerdict::Nothing,
@@ -169,7 +170,7 @@ struct Hunt<'a> {
 impl Hunt<'_> {
     /// The next term beside those that there are, about a model with these, and the fit with it, unless the flights held out do not
     /// bear it out.
-    fn next_term(&self, about: &Model, found: &Candidates, terms: &[Refined]) -> Next {
+    fn next_term(&self, about: &Validated, found: &Candidates, terms: &[Refined]) -> Next {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
         let id = format!("discovered-term-{}", terms.len() + 1);
         let mut refused: Option<String> = None;
@@ -208,7 +209,7 @@ impl Hunt<'_> {
 
     /// A term that holds, and the fit with it. What a rotor does was known from a model without the term: where that counts, it is
     /// fitted again with what the model with the term says.
-    fn settled(&self, about: &Model, id: &str, term: &Refined, fit: Fit) -> (Refined, Fit) {
+    fn settled(&self, about: &Validated, id: &str, term: &Refined, fit: Fit) -> (Refined, Fit) {
         let mut better = (term.clone(), fit);
         for _ in 0..LEVER_STEPS {
             let Some(channel) = term.form.channel.with_levers_of(&better.1.model) else { break };
@@ -226,16 +227,17 @@ impl Hunt<'_> {
     /// The terms as one proposal, and their rivals as others; and the model with the first.
     fn proposals(
         &self,
+        about: &Validated,
         terms: &[Refined],
         found: &Candidates,
     ) -> Result<(Vec<Proposal>, Model), WorkflowError> {
         let Some(first) = terms.first() else { return Ok((Vec::new(), self.model.clone())) };
-        let (proposal, model) = self.propose("discovered-1", terms, found)?;
+        let (proposal, model) = self.propose(about, "discovered-1", terms, found)?;
         let mut proposals = vec![proposal];
         for rival in rivals(&found.refined, first, self.variables).into_iter().take(RIVALS_JUDGED) {
             let id = format!("discovered-{}", proposals.len() + 1);
             // A rival that cannot be fitted with the model's own coefficients is none.
-            if let Ok((judged, _)) = self.propose(&id, std::slice::from_ref(rival), found)
+            if let Ok((judged, _)) = self.propose(about, &id, std::slice::from_ref(rival), found)
                 && judged.finding.supported
             {
                 proposals.push(judged);
@@ -245,18 +247,19 @@ impl Hunt<'_> {
     }
 
     /// Fits an effect that was found with everything, and holds it against the flights held out.
-    fn judge(&self, about: &Model, defined: &Defined) -> Result<Addition, WorkflowError> {
+    fn judge(&self, about: &Validated, defined: &Defined) -> Result<Addition, WorkflowError> {
         let text = file_of(vec![defined.definition.clone()]);
         let drafts = effects::draft(&text, Path::new(HERE))?;
         let Some(user) = drafts.first() else { return Err(self.sets.blame(FitError::NoFlights)) };
         let (train, validate) = (self.sets.train(), self.sets.validate());
-        add_from(about, Effect::User(*user), Some(&defined.values), &train, &validate, self.options)
+        add_to(about, Effect::User(*user), Some(&defined.values), (&train, &validate), self.options)
             .map_err(|why| self.sets.blame(why))
     }
 
     /// Terms as one proposal, and the model with it.
     fn propose(
         &self,
+        about: &Validated,
         id: &str,
         terms: &[Refined],
         found: &Candidates,
@@ -268,7 +271,7 @@ impl Hunt<'_> {
             .and_then(|term| term.coefficients.first())
             .map_or(1.0, |c| c.value);
         // A name for the fit; the words are those of what it finds.
-        let addition = self.judge(self.model, &define(id, "Discovered.".into(), terms, variables))?;
+        let addition = self.judge(about, &define(id, "Discovered.".into(), terms, variables))?;
         let fitted = with_values(terms, &addition.finding.coefficients);
         let sentences: Vec<String> = fitted.iter().map(|term| sentence(term, variables, thrust)).collect();
         let sentence = format!("{}.", sentences.join(". "));

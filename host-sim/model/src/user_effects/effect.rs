@@ -11,14 +11,18 @@ use crate::user_effects::check::{
     Known, Problem, check_coefficients, check_columns, check_constants, check_words,
 };
 use crate::user_effects::definition::{Definition, MAX_NAME, UserEffectError};
+use crate::user_effects::input::Input;
 use crate::user_effects::names::Names;
-use crate::user_effects::row::{Input, Row, RowFormula, rows_known};
+use crate::user_effects::row::{Row, RowFormula, rows_known};
+use crate::user_effects::tape::{Recorded, Tape};
 
 /// A checked definition.
 #[derive(Debug)]
 pub struct UserEffect {
     pub(super) definition: Definition,
     pub(super) formulas: Vec<RowFormula>,
+    /// Of all formulas together.
+    tape: Tape,
     /// Whether every formula is linear in the coefficients and vanishes with them.
     is_linear: bool,
     /// Coefficients that have to be given so that the rest enters linearly.
@@ -26,29 +30,20 @@ pub struct UserEffect {
 }
 
 impl UserEffect {
-    pub(super) fn add(
-        &self,
-        sample: &Sample,
-        coefficients: &[f64],
-        which: impl Fn(&RowFormula) -> bool,
-        sum: &mut [f64; 6],
-    ) {
-        let mut inertial = nalgebra::Vector3::zeros();
-        let mut any_inertial = false;
-        for formula in self.formulas.iter().filter(|f| which(f)) {
-            let value = formula.value(sample, coefficients);
-            match formula.row {
-                Row::Body(axis) => sum[axis.index()] += value,
-                Row::Inertial(k) => {
-                    inertial[k] += value;
-                    any_inertial = true;
-                }
-            }
+    /// Adds all accelerations.
+    pub(super) fn add(&self, sample: &Sample, coefficients: &[f64], sum: &mut [f64; 6]) {
+        let mut rows = Rows::new(sum);
+        self.tape.evaluate(sample, coefficients, |k, value| rows.add(self.formulas[k].row, value));
+        rows.turn(sample);
+    }
+
+    /// Adds those of the formulas that name a coefficient.
+    pub(super) fn add_naming(&self, coefficient: usize, sample: &Sample, values: &[f64], sum: &mut [f64; 6]) {
+        let mut rows = Rows::new(sum);
+        for formula in self.formulas.iter().filter(|f| f.names(coefficient)) {
+            rows.add(formula.row, formula.value(sample, values));
         }
-        if any_inertial {
-            let body = sample.input.dcm * inertial;
-            sum.iter_mut().zip(body.iter()).for_each(|(s, b)| *s += b);
-        }
+        rows.turn(sample);
     }
 
     /// Its identifier.
@@ -106,7 +101,10 @@ impl UserEffect {
             }
         }
         let (is_linear, is_shape) = names.shapes(&formulas);
-        let effect = Self { formulas, is_linear, is_shape, definition };
+        let all: Vec<(&Recorded, &[Input])> =
+            formulas.iter().map(|f| (f.formula.recorded(), &f.inputs[..])).collect();
+        let tape = Tape::new(&all);
+        let effect = Self { formulas, tape, is_linear, is_shape, definition };
         if Lags::new(effect.lags()).ids().count() >= MAX_LAGS {
             return Err((
                 "acceleration".into(),
@@ -199,6 +197,32 @@ impl UserEffect {
     fn equation(&self) -> String {
         let rows = self.definition.acceleration.iter().map(|(row, formula)| format!("{row}: {formula}"));
         rows.collect::<Vec<_>>().join("; ")
+    }
+}
+
+/// Sums of rows, those of the room apart until they are turned.
+struct Rows<'a> {
+    sum: &'a mut [f64; 6],
+    inertial: Option<nalgebra::Vector3<f64>>,
+}
+
+impl<'a> Rows<'a> {
+    fn new(sum: &'a mut [f64; 6]) -> Self {
+        Self { sum, inertial: None }
+    }
+
+    fn add(&mut self, row: Row, value: f64) {
+        match row {
+            Row::Body(axis) => self.sum[axis.index()] += value,
+            Row::Inertial(k) => self.inertial.get_or_insert_default()[k] += value,
+        }
+    }
+
+    fn turn(self, sample: &Sample) {
+        if let Some(inertial) = self.inertial {
+            let body = sample.input.dcm * inertial;
+            self.sum.iter_mut().zip(body.iter()).for_each(|(s, b)| *s += b);
+        }
     }
 }
 

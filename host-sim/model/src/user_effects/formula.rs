@@ -1,10 +1,10 @@
 //! Formulas of users: text to something that can be checked and evaluated.
 //!
-//! Parsing and evaluation are `exmex`'s. What stands before it is a strict scanner: it refuses what people read in two ways
+//! Parsing and the order of evaluation are `exmex`'s. What stands before it is a strict scanner: it refuses what people read in two ways
 //! and the library in one (`-u^2`, which it takes as `(-u)^2`; `a^b^c`; `a/-b`), bounds length and depth, and says what
 //! is wrong and what is known in one line.
 //!
-//! The same text is parsed twice. Over `f64` it is evaluated; over [`Traced`] numbers it says which unit its value has
+//! The same text is parsed twice. Over [`Recorded`] numbers it says which operations it consists of; over [`Traced`] ones, which unit its value has
 //! and how the effect's coefficients enter it: a formula is linear when its derivatives with respect to them do not
 //! depend on them and it vanishes with them. That is read off its structure (sums of linear terms, linear times free,
 //! linear over free), never off numbers, so a formula called linear is linear.
@@ -16,6 +16,7 @@ use exmex::{Express as _, FlatEx, MatchLiteral};
 use crate::user_effects::arithmetic::Operators;
 use crate::user_effects::dimension::Dimension;
 use crate::user_effects::scanner::{Juxtaposed, Scanner, number_length};
+use crate::user_effects::tape::Recorded;
 use crate::user_effects::trace::{Entry, Trace, Traced};
 
 /// Numbers with a decimal point and an exponent, as the scanner lets them through.
@@ -35,7 +36,7 @@ impl MatchLiteral for Number {
 #[derive(Debug, Clone)]
 pub(super) struct Formula {
     traced: FlatEx<Traced, Operators<Traced>, Number>,
-    plain: FlatEx<f64, Operators<f64>, Number>,
+    recorded: Recorded,
     names: Vec<String>,
 }
 
@@ -49,9 +50,12 @@ impl Formula {
         let clear = Scanner::new(text, juxtaposed).run()?;
         // What the scanner lets through, the library takes; its own words are kept for whatever is left.
         let cannot = |error: exmex::ExError| format!("cannot be read: {error}").replace('\n', " ");
-        let plain = FlatEx::parse(&clear).map_err(cannot)?;
-        let names = plain.var_names().to_vec();
-        Ok(Self { traced: FlatEx::parse(&clear).map_err(cannot)?, names, plain })
+        let expression: FlatEx<Recorded, Operators<Recorded>, Number> =
+            FlatEx::parse(&clear).map_err(cannot)?;
+        let names = expression.var_names().to_vec();
+        let places: Vec<Recorded> = (0..names.len()).map(Recorded::name).collect();
+        let recorded = expression.eval(&places).map_err(cannot)?;
+        Ok(Self { traced: FlatEx::parse(&clear).map_err(cannot)?, names, recorded })
     }
 
     /// The names in it, in the order in which values are given.
@@ -65,9 +69,9 @@ impl Formula {
         self.traced.eval(&inputs).map_err(|error| error.to_string())?.0
     }
 
-    /// The value from values of the names; NaN where it has none.
-    pub(super) fn value(&self, inputs: &[f64]) -> f64 {
-        self.plain.eval(inputs).unwrap_or(f64::NAN)
+    /// The operations that it consists of.
+    pub(super) fn recorded(&self) -> &Recorded {
+        &self.recorded
     }
 }
 
@@ -94,6 +98,7 @@ pub(super) fn dimension_of(unit: &str) -> Result<Dimension, String> {
 mod tests {
     use super::*;
     use crate::user_effects::scanner::MAX_LENGTH;
+    use crate::user_effects::tape::value_of;
     use proptest::prelude::*;
 
     fn value(text: &str) -> f64 {
@@ -101,7 +106,7 @@ mod tests {
         // a, b, c, ... are 1, 2, 3, ...
         let inputs: Vec<f64> =
             formula.names().iter().map(|n| f64::from(n.as_bytes()[0] - b'a' + 1)).collect();
-        formula.value(&inputs)
+        value_of(formula.recorded(), &inputs)
     }
 
     #[test]
@@ -325,7 +330,7 @@ mod tests {
             let text = tokens.concat();
             if let Ok(formula) = Formula::parse(&text) {
                 let inputs = vec![1.5; formula.names().len()];
-                let _ = formula.value(&inputs);
+                let _ = value_of(formula.recorded(), &inputs);
                 let known = |_: &str| Trace { dimension: Dimension::NONE, entry: Entry::Linear, value: None };
                 // Pure numbers everywhere: whatever is parsed has a unit.
                 prop_assert!(formula.trace(known).is_ok(), "{text}");

@@ -31,9 +31,11 @@ mod definition;
 mod dimension;
 mod effect;
 mod formula;
+mod input;
 mod names;
 mod row;
 mod scanner;
+mod tape;
 mod trace;
 mod user;
 

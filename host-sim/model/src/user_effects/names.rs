@@ -7,7 +7,8 @@ use crate::user_effects::columns::{USUAL_COLUMNS, placed, usual_unit};
 use crate::user_effects::definition::{Definition, MAX_NAME};
 use crate::user_effects::dimension::Dimension;
 use crate::user_effects::formula::{Formula, dimension_of};
-use crate::user_effects::row::{Input, MAX_NAMES, Row, RowFormula, rows_known};
+use crate::user_effects::input::Input;
+use crate::user_effects::row::{MAX_NAMES, Row, RowFormula, rows_known};
 use crate::user_effects::scanner::{INTEGRAL, LAG};
 use crate::user_effects::trace::{Entry, Trace};
 
@@ -38,7 +39,7 @@ impl Names<'_> {
         if !trace.dimension.is(expected) {
             return Err(format!("has the unit {}, the row needs {}", trace.dimension, row.unit()));
         }
-        Ok(RowFormula { row, formula, inputs })
+        Ok(RowFormula::new(row, formula, inputs))
     }
 
     fn input(&self, name: &str) -> Result<Input, String> {

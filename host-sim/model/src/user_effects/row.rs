@@ -1,11 +1,10 @@
 //! A formula of a user's effect with the row that it acts on.
 
 use crate::axis::{AXES, Axis};
-use crate::memory::LagId;
-use crate::quantity::Quantity;
 use crate::sample::Sample;
-use crate::user_effects::columns::FurtherColumn;
 use crate::user_effects::formula::Formula;
+use crate::user_effects::input::Input;
+use crate::user_effects::tape::Tape;
 
 /// A row of a formula.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -38,24 +37,21 @@ impl Row {
     }
 }
 
-/// Where a name's value comes from.
-#[derive(Debug, Clone, Copy)]
-pub(super) enum Input {
-    Quantity(&'static Quantity),
-    Further(FurtherColumn),
-    Lagged(LagId),
-    Coefficient(usize),
-    Constant(f64),
-}
-
 #[derive(Debug)]
 pub(super) struct RowFormula {
     pub(super) row: Row,
     pub(super) formula: Formula,
     pub(super) inputs: Vec<Input>,
+    /// Of this formula alone.
+    tape: Tape,
 }
 
 impl RowFormula {
+    pub(super) fn new(row: Row, formula: Formula, inputs: Vec<Input>) -> Self {
+        let tape = Tape::new(&[(formula.recorded(), &inputs)]);
+        Self { row, formula, inputs, tape }
+    }
+
     /// Whether it looks at the rotors, whose unit depends on the vehicle.
     pub(super) fn has_rotors(&self) -> bool {
         self.inputs.iter().any(|input| {
@@ -69,17 +65,9 @@ impl RowFormula {
     }
 
     pub(super) fn value(&self, sample: &Sample, coefficients: &[f64]) -> f64 {
-        let mut values = [0.0; MAX_NAMES];
-        for (value, input) in values.iter_mut().zip(&self.inputs) {
-            *value = match input {
-                Input::Quantity(quantity) => quantity.at(sample),
-                Input::Further(column) => sample.input.further[column.place],
-                Input::Lagged(lag) => sample.input.remembered(*lag),
-                Input::Coefficient(k) => coefficients.get(*k).copied().unwrap_or(0.0),
-                Input::Constant(value) => *value,
-            };
-        }
-        self.formula.value(&values[..self.inputs.len()])
+        let mut found = f64::NAN;
+        self.tape.evaluate(sample, coefficients, |_, value| found = value);
+        found
     }
 
     pub(super) fn names(&self, coefficient: usize) -> bool {

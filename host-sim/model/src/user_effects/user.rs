@@ -135,7 +135,7 @@ impl User {
             let mut unit = [0.0; MAX_COEFFICIENTS];
             unit[k] = 1.0;
             let mut sum = [0.0; 6];
-            self.0.effect.add(sample, &unit, |f| f.names(k), &mut sum);
+            self.0.effect.add_naming(k, sample, &unit, &mut sum);
             for axis in AXES {
                 if self.0.effect.formulas.iter().any(|f| f.names(k) && f.row.acts_on(axis)) {
                     sink.add(axis, k, sum[axis.index()]);
@@ -146,7 +146,7 @@ impl User {
 
     /// Adds its accelerations to the six rows.
     pub(crate) fn add_accelerations(self, sample: &Sample, coefficients: &[f64], sum: &mut [f64; 6]) {
-        self.0.effect.add(sample, coefficients, |_| true, sum);
+        self.0.effect.add(sample, coefficients, sum);
     }
 
     /// The first of its formulas that has no finite value at a sample.

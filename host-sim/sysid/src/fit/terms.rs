@@ -141,6 +141,7 @@ pub(crate) struct Place {
 }
 
 /// The order of the values of terms at one state.
+#[derive(Default)]
 pub(crate) struct Slots {
     /// Slot of each value, in the order in which the terms add them.
     slots: Vec<usize>,
@@ -153,7 +154,7 @@ pub(crate) struct Slots {
 /// A parameter that acts on forces, and its slots.
 pub(crate) struct Turned {
     pub(crate) parameter: usize,
-    slots: Range<usize>,
+    pub(crate) slots: Range<usize>,
 }
 
 /// Notes which parameter acts where.

@@ -4,9 +4,13 @@
 //! is formed once. Of all hats, two at most differ from zero at a sample. The rows are those of [`Prepared::columns_of_terms`] with the
 //! hats in the terms.
 
+use std::ops::Range;
+
 use model::{LagId, Model, Plant, Sample, SampleInput};
 use nalgebra::{Matrix3, Vector3};
 
+use crate::filter::sum_of_products;
+use crate::fit::least_squares::RowColumn;
 use crate::fit::slow;
 use crate::fit::terms::{Place, Slots, Terms, Turned};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch};
@@ -17,6 +21,10 @@ pub struct TermSignals {
     layout: Slots,
     /// Parameters that act on forces.
     turned: Vec<Turned>,
+    /// Parameters of the terms.
+    parameters: usize,
+    /// Whether forces are formed elsewhere than moments.
+    apart: bool,
     stretches: Vec<StretchSignals>,
 }
 
@@ -29,6 +37,7 @@ struct StretchSignals {
 }
 
 /// Signals side by side, sample by sample, and the filter that makes rows of them.
+#[derive(Default)]
 struct Signals {
     width: usize,
     samples: Vec<f64>,
@@ -39,6 +48,22 @@ struct Signals {
 
 /// A quantity wherever regressors of a flight are formed, by stretch.
 pub struct QuantitySignal(Vec<Formed>);
+
+impl QuantitySignal {
+    /// What follows from other quantities at a sample.
+    pub fn of(others: &[Self], value: impl Fn(&[f64]) -> f64) -> Self {
+        let stretches = others.first().map_or(0, |other| other.0.len());
+        let formed = |index: usize, pick: fn(&Formed) -> &Vec<f64>| {
+            let of: Vec<&[f64]> = others.iter().map(|own| &pick(&own.0[index])[..]).collect();
+            at_each_sample(&of, 1, &|values: &[f64], found: &mut [f64]| found[0] = value(values))
+        };
+        let in_stretch = |index: usize| Formed {
+            forces: formed(index, |own| &own.forces),
+            moments: formed(index, |own| &own.moments),
+        };
+        Self((0..stretches).map(in_stretch).collect())
+    }
+}
 
 /// A quantity in a stretch, where its regressors are formed.
 struct Formed {
@@ -100,7 +125,13 @@ impl Prepared {
             let states = self.remembering_states(stretch, &model.vehicle, &plant, terms.lags());
             let signals = signals.get_or_insert_with(|| {
                 let layout = Slots::new(terms, &plant.sample_of(&states.at(0)), |axis| axis >= 3);
-                TermSignals { turned: layout.forces_by_parameter(), layout, stretches: Vec::new() }
+                TermSignals {
+                    turned: layout.forces_by_parameter(),
+                    layout,
+                    parameters: terms.count(),
+                    apart: self.force_target == ForceTarget::Imu,
+                    stretches: Vec::new(),
+                }
             });
             let of_stretch = self.signals_of(signals, (terms, &plant), stretch, &states);
             signals.stretches.push(of_stretch);
@@ -196,46 +227,212 @@ impl TermSignals {
         &self.layout.places[..self.layout.wanted]
     }
 
-    /// Appends the rows of a fit to those of each axis: for each parameter that acts on it, in order, the filtered products with every
-    /// hat.
-    pub fn append_times_hats(&self, quantity: &QuantitySignal, hats: &EvenHats, rows: &mut [Vec<f64>; 6]) {
+    /// So many columns, each a sum of the terms: `weights` writes for each column what each parameter of the terms is multiplied by, from
+    /// the values of the quantities at a sample.
+    pub fn weighted(
+        &self,
+        quantities: &[QuantitySignal],
+        columns: usize,
+        weights: impl Fn(&[f64], &mut [f64]),
+    ) -> Vec<RowColumn> {
+        let size = columns * self.parameters;
+        let mut all = vec![RowColumn::default(); columns];
+        for (index, stretch) in self.stretches.iter().enumerate() {
+            let formed = |pick: fn(&Formed) -> &Vec<f64>| {
+                let of: Vec<&[f64]> = quantities.iter().map(|own| &pick(&own.0[index])[..]).collect();
+                at_each_sample(&of, size, &weights)
+            };
+            let of_moments = formed(|own| &own.moments);
+            let apart = self.apart.then(|| formed(|own| &own.forces));
+            let of_forces = apart.as_ref().unwrap_or(&of_moments);
+            for (k, own) in all.iter_mut().enumerate() {
+                let first = k * self.parameters;
+                for (axis, own) in own.iter_mut().enumerate().skip(3) {
+                    let acting = self.moments().iter().enumerate().filter(|(_, place)| place.axis == axis);
+                    let pairs: Vec<[usize; 2]> =
+                        acting.map(|(signal, place)| [signal, first + place.parameter]).collect();
+                    if !pairs.is_empty() {
+                        let rows = stretch.moments.weighted(&pairs, &of_moments, size);
+                        own.get_or_insert_default().extend(rows);
+                    }
+                }
+                if self.turned.is_empty() {
+                    continue;
+                }
+                let along: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+                    let turned = self.turned.iter().enumerate();
+                    let pairs: Vec<[usize; 2]> =
+                        turned.map(|(k, turned)| [3 * k + axis, first + turned.parameter]).collect();
+                    stretch.forces.weighted(&pairs, of_forces, size).collect()
+                });
+                for (row, turn) in stretch.turns.iter().enumerate() {
+                    let body = turn * Vector3::from(along.each_ref().map(|axis| axis[row]));
+                    for (column, value) in own.iter_mut().zip(body.iter()) {
+                        column.get_or_insert_default().push(*value);
+                    }
+                }
+            }
+        }
+        all
+    }
+
+    /// Terms that are weighted sums of these, which act on forces alone; the weights as in [`Self::weighted`].
+    pub fn recombined(
+        &self,
+        quantities: &[QuantitySignal],
+        parameters: usize,
+        weights: impl Fn(&[f64], &mut [f64]),
+    ) -> Self {
+        let size = parameters * self.parameters;
+        let of_stretch = |(index, stretch): (usize, &StretchSignals)| {
+            let of: Vec<&[f64]> = quantities.iter().map(|own| &own.0[index].forces[..]).collect();
+            let found = at_each_sample(&of, size, &weights);
+            StretchSignals {
+                forces: stretch.forces.recombined(&self.turned, &found, [parameters, self.parameters]),
+                moments: Signals::default(),
+                turns: stretch.turns.clone(),
+            }
+        };
+        Self {
+            layout: Slots::default(),
+            turned: (0..parameters).map(|parameter| Turned { parameter, slots: 0..0 }).collect(),
+            parameters,
+            apart: self.apart,
+            stretches: self.stretches.iter().enumerate().map(of_stretch).collect(),
+        }
+    }
+
+    /// The rows of a fit with a quantity: its products with every hat.
+    pub fn times_hats<'a>(&'a self, quantity: &'a QuantitySignal, hats: EvenHats) -> TimesHats<'a> {
         let by_axis = self.parameters_by_axis();
         // Where a signal goes: axis, and place among the parameters of the axis.
         let place =
             |at: &Place| (at.axis, by_axis[at.axis].iter().position(|own| *own == at.parameter).unwrap_or(0));
         let moment_places: Vec<(usize, usize)> = self.moments().iter().map(place).collect();
         let widths = by_axis.each_ref().map(|parameters| parameters.len() * hats.count);
-        for (stretch, formed) in self.stretches.iter().zip(&quantity.0) {
-            let firsts = rows.each_ref().map(Vec::len);
-            for ((axis, first), width) in rows.iter_mut().zip(firsts).zip(widths) {
-                axis.resize(first + stretch.turns.len() * width, 0.0);
-            }
-            stretch.moments.for_each_row(&formed.moments, hats, |row, hat, sums| {
-                for ((axis, place), sum) in moment_places.iter().zip(sums) {
-                    rows[*axis][firsts[*axis] + row * widths[*axis] + place * hats.count + hat] = *sum;
-                }
-            });
-            stretch.forces.for_each_row(&formed.forces, hats, |row, hat, sums| {
-                for (place, sum) in sums.as_chunks::<3>().0.iter().enumerate() {
-                    let body = stretch.turns[row] * Vector3::from(*sum);
-                    for axis in 0..3 {
-                        rows[axis][firsts[axis] + row * widths[axis] + place * hats.count + hat] = body[axis];
-                    }
-                }
-            });
+        TimesHats {
+            signals: self,
+            quantity,
+            hats,
+            moment_places,
+            widths,
+            stretch: 0,
+            row: 0,
+            pairs: [vec![], vec![]],
         }
     }
 }
 
+/// Products of terms, a quantity and hats of it as rows of a fit, some at a time: all of a flight would be more than a processor keeps at
+/// hand.
+pub struct TimesHats<'a> {
+    signals: &'a TermSignals,
+    quantity: &'a QuantitySignal,
+    hats: EvenHats,
+    moment_places: Vec<(usize, usize)>,
+    widths: [usize; 6],
+    /// Where the next rows are.
+    stretch: usize,
+    row: usize,
+    /// Hats of the quantity in this stretch, where forces and where moments are formed.
+    pairs: [Vec<Pair>; 2],
+}
+
+impl TimesHats<'_> {
+    /// Appends the next rows to those of each axis, so many at most: for each parameter that acts on it, in order, the filtered products
+    /// with every hat. Says how many there were; nothing at the end of the flight.
+    pub fn append_next(&mut self, most: usize, rows: &mut [Vec<f64>; 6]) -> Option<usize> {
+        let Self { signals, quantity, hats, widths, .. } = *self;
+        let (stretch, formed) = (signals.stretches.get(self.stretch)?, quantity.0.get(self.stretch)?);
+        if self.row == 0 {
+            let pairs = |signal: &[f64]| signal.iter().map(|value| hats.pair(*value)).collect();
+            self.pairs = [pairs(&formed.forces), pairs(&formed.moments)];
+        }
+        let first_row = self.row;
+        let count = most.min(stretch.turns.len() - first_row);
+        let firsts = rows.each_ref().map(Vec::len);
+        for ((axis, first), width) in rows.iter_mut().zip(firsts).zip(widths) {
+            axis.resize(first + count * width, 0.0);
+        }
+        let of = first_row..first_row + count;
+        let at = |axis: usize, row: usize, place: usize, hat: usize| {
+            firsts[axis] + (row - first_row) * widths[axis] + place * hats.count + hat
+        };
+        stretch.moments.for_each_row(of.clone(), &self.pairs[1], hats.count, |row, hat, sums| {
+            for ((axis, place), sum) in self.moment_places.iter().zip(sums) {
+                rows[*axis][at(*axis, row, *place, hat)] = *sum;
+            }
+        });
+        stretch.forces.for_each_row(of, &self.pairs[0], hats.count, |row, hat, sums| {
+            for (place, sum) in sums.as_chunks::<3>().0.iter().enumerate() {
+                let body = stretch.turns[row] * Vector3::from(*sum);
+                for axis in 0..3 {
+                    rows[axis][at(axis, row, place, hat)] = body[axis];
+                }
+            }
+        });
+        self.row += count;
+        if self.row == stretch.turns.len() {
+            (self.stretch, self.row) = (self.stretch + 1, 0);
+        }
+        Some(count)
+    }
+}
+
+/// What `of` writes for the values of quantities, `size` values at each sample.
+fn at_each_sample(quantities: &[&[f64]], size: usize, of: &impl Fn(&[f64], &mut [f64])) -> Vec<f64> {
+    let samples = quantities.first().map_or(0, |signal| signal.len());
+    let mut all = vec![0.0; samples * size];
+    let mut values = vec![0.0; quantities.len()];
+    for (k, found) in all.chunks_exact_mut(size).enumerate() {
+        values.iter_mut().zip(quantities).for_each(|(value, signal)| *value = signal[k]);
+        of(&values, found);
+    }
+    all
+}
+
 impl Signals {
+    /// Weighted sums of forces, so many of so many.
+    fn recombined(&self, turned: &[Turned], weights: &[f64], [parameters, of]: [usize; 2]) -> Self {
+        let width = 3 * parameters;
+        let mut samples = vec![0.0; self.samples.len() / self.width * width];
+        let rows = samples.chunks_exact_mut(width).zip(self.samples.chunks_exact(self.width));
+        for ((sums, own), weights) in rows.zip(weights.chunks_exact(parameters * of)) {
+            for (sum, weights) in sums.as_chunks_mut::<3>().0.iter_mut().zip(weights.chunks_exact(of)) {
+                for (force, turned) in own.as_chunks::<3>().0.iter().zip(turned) {
+                    let weight = weights[turned.parameter];
+                    sum.iter_mut().zip(force).for_each(|(sum, along)| *sum += weight * along);
+                }
+            }
+        }
+        Self { width, samples, taps: self.taps.clone(), windows: self.windows.clone() }
+    }
+
+    /// The rows of a sum: of each of these signals times a weight, of which there are `size` at each sample.
+    fn weighted(&self, pairs: &[[usize; 2]], weights: &[f64], size: usize) -> impl Iterator<Item = f64> {
+        let at = |(sample, weights): (&[f64], &[f64])| -> f64 {
+            pairs.iter().map(|[signal, weight]| sample[*signal] * weights[*weight]).sum()
+        };
+        let samples = self.samples.chunks_exact(self.width).zip(weights.chunks_exact(size));
+        let sum: Vec<f64> = samples.map(at).collect();
+        let row = move |start: &usize| sum_of_products(&sum[*start..start + self.taps.len()], &self.taps);
+        self.windows.iter().map(row)
+    }
+
     /// Hands over, for each row and each hat that differs from zero in its window, the filtered products of the signals with the hat.
-    fn for_each_row(&self, quantity: &[f64], hats: &EvenHats, mut take: impl FnMut(usize, usize, &[f64])) {
+    fn for_each_row(
+        &self,
+        rows: Range<usize>,
+        pairs: &[Pair],
+        hats: usize,
+        mut take: impl FnMut(usize, usize, &[f64]),
+    ) {
         if self.width == 0 {
             return;
         }
-        let pairs: Vec<Pair> = quantity.iter().map(|value| hats.pair(*value)).collect();
-        let mut sums = vec![0.0; hats.count * self.width];
-        for (row, &start) in self.windows.iter().enumerate() {
+        let mut sums = vec![0.0; hats * self.width];
+        for row in rows {
+            let start = self.windows[row];
             let pairs = &pairs[start..start + self.taps.len()];
             let samples = &self.samples[start * self.width..][..self.taps.len() * self.width];
             add_products(samples, &self.taps, pairs, &mut sums);
@@ -315,7 +512,9 @@ mod tests {
         let signals = prepared.term_signals(&Pushes(None), &model).unwrap();
         let down = prepared.quantity_signals(1, &[], &model, |sample, values| values[0] = down(sample));
         let mut rows: [Vec<f64>; 6] = Default::default();
-        signals.append_times_hats(&down[0], &HATS, &mut rows);
+        let mut parts = signals.times_hats(&down[0], HATS);
+        let counts: Vec<usize> = std::iter::from_fn(|| parts.append_next(7, &mut rows)).collect();
+        assert!(counts.iter().all(|count| (1..=7).contains(count)));
         let parameters = signals.parameters_by_axis();
         assert_eq!(parameters, [vec![0, 1, 3], vec![0, 1, 3], vec![0, 1, 3], vec![2], vec![], vec![3]]);
         for (axis, parameters) in parameters.iter().enumerate() {
@@ -334,6 +533,20 @@ mod tests {
                 }
             }
             assert_eq!(rows[axis].len(), width * prepared.fit_row_times_s().len());
+        }
+        let hat = |value: f64, hat: usize| (1.0 - (HATS.place(value) - hat as f64).abs()).max(0.0);
+        let columns = signals.weighted(&down, 4 * HATS.count, |values, weights| {
+            weights.fill(0.0);
+            for (k, own) in weights.chunks_exact_mut(4).enumerate() {
+                own[k / HATS.count] = hat(values[0], k % HATS.count);
+            }
+        });
+        for (column, expected) in columns.iter().flatten().zip(expected.iter().flatten()) {
+            let (own, expected) = (column.as_deref().unwrap_or(&[]), expected.as_deref().unwrap_or(&[]));
+            // What a parameter does not act on is zero.
+            let at = |k: usize| expected.get(k).copied().unwrap_or(0.0);
+            assert!(own.iter().enumerate().all(|(k, own)| (own - at(k)).abs() < 1e-12));
+            assert!(own.len() >= expected.len());
         }
     }
 
