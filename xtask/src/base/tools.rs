@@ -103,6 +103,22 @@ pub(crate) const TYPESCRIPT: Tool = Tool {
     version: &["tsc", "--version"],
     install: "npm install --global --no-fund --no-audit typescript@7.0.2",
 };
+/// Other people's simulators and design tools, in which exported models are flown.
+pub(crate) const PEERS: Tool = Tool {
+    name: "mujoco, rotorpy and python-control",
+    version: &[
+        "target/peers/bin/python",
+        "-c",
+        "import control, mujoco, rotorpy; print(mujoco.__version__, rotorpy.__name__, control.__version__)",
+    ],
+    install: "python3 tests/peers/tools/install.py target/peers",
+};
+/// The free relative of MATLAB, which exported models answer in.
+pub(crate) const OCTAVE: Tool = Tool {
+    name: "octave",
+    version: &["octave-cli", "--version"],
+    install: "apt-get install --yes --no-install-recommends octave octave-control",
+};
 /// Name of the program that starts instruction-count benches under valgrind. Its version has to be that
 /// of the library `gungraun`, so its installation line depends on the lock file.
 pub(crate) const GUNGRAUN_RUNNER: &str = "gungraun-runner";

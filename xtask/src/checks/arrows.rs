@@ -89,6 +89,11 @@ const ARROWS: &[Allowed] = &[
         why: "many flights of the loop over what a model leaves open, and what came of them",
     },
     Allowed {
+        from: "export",
+        to: &["design", "model", "report"],
+        why: "other tools get the craft's physical parameters and its linear model, with numbers as in tables",
+    },
+    Allowed {
         from: "ground",
         to: &["control", "model", "pattern", "proto", "proto-files", "report", "flights", "logs", "sysid"],
         why: "it speaks to the craft in messages, names what the supervisor says, and leaves flight files as its recordings are read",
@@ -119,6 +124,7 @@ const ARROWS: &[Allowed] = &[
             "design",
             "sil",
             "campaign",
+            "export",
             "ground",
         ],
         why: "the user's program joins the libraries",

@@ -12,8 +12,8 @@ use sysid::Comparison;
 
 use crate::cli::faults::WithFaults;
 use crate::commands::{
-    add, compare, design, design_report, effects, excite, explain, identify, import, linearize, motor_map,
-    plan,
+    add, compare, design, design_report, effects, excite, explain, export, identify, import, linearize,
+    motor_map, plan,
 };
 use crate::render::discovery;
 
@@ -29,7 +29,7 @@ pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// File name, command and schema of each document.
-fn schemas() -> [(&'static str, &'static str, Schema); 20] {
+fn schemas() -> [(&'static str, &'static str, Schema); 21] {
     [
         ("import", "import", of::<import::Document>()),
         ("identify", "identify", of::<WithFaults<identify::Document>>()),
@@ -43,6 +43,7 @@ fn schemas() -> [(&'static str, &'static str, Schema); 20] {
         ("discover", "discover", of::<WithFaults<discovery::Document>>()),
         ("effects", "effects", of::<Vec<effects::Entry>>()),
         ("linearize", "linearize", of::<linearize::Document>()),
+        ("export", "export", of::<export::Document>()),
         ("design", "design", of::<design::Document>()),
         ("design-check", "design check", of::<CheckReport>()),
         ("design-report", "design report", of::<design_report::Document>()),
