@@ -106,6 +106,16 @@ impl Flight {
         self.logged().map(|column| COLUMNS[column]).chain(self.further.keys().map(String::as_str))
     }
 
+    /// The columns that were logged, by name, in the order they are written.
+    pub fn into_logged_columns(mut self) -> impl Iterator<Item = (String, Vec<f64>)> {
+        let logged: Vec<usize> = self.logged().collect();
+        let further = std::mem::take(&mut self.further);
+        let own = logged
+            .into_iter()
+            .filter_map(move |column| Some((COLUMNS[column].to_owned(), self.columns[column].take()?)));
+        own.chain(further)
+    }
+
     fn logged(&self) -> impl Iterator<Item = usize> {
         let stands_in = |c: usize| {
             self.stand_ins.iter().flat_map(|what| what.columns()).any(|column| *column as usize == c)

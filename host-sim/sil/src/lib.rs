@@ -32,6 +32,7 @@
 
 mod craft;
 pub mod endurance;
+pub mod environment;
 mod experiments;
 pub mod failsafe;
 mod flight;
@@ -45,7 +46,7 @@ pub use experiments::{manoeuvre, next_flight, predict};
 pub use failsafe::{Drill, DrillResult, ExpectedResponse, drills};
 pub use flight::{
     CAGE_M, ClosedLoop, FlightPlan, Recording, Row, Script, SilError, StepAxis, StepCommand, Truth, Waypoint,
-    designed_config, fly, fly_over, for_identification,
+    designed_config, fly, fly_over, flyable, for_identification,
 };
 pub use flight_computer::{
     Emulated, Emulation, FlightComputer, FlightComputerError, Iceoryx2, InProcess, Processor, Udp, serve,

@@ -174,7 +174,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         named => named.to_vec(),
     };
     let model =
-        arguments.model.as_deref().map(|path| flyable(path, arguments.gains.is_some())).transpose()?;
+        arguments.model.as_deref().map(|path| sil::flyable(path, arguments.gains.is_some())).transpose()?;
     let craft =
         |path: &PathBuf| design::gains_match::read_for(path, model.as_ref().unwrap_or(&Model::thesis()));
     let gains = arguments.gains.as_ref().map(craft).transpose()?;
@@ -330,27 +330,6 @@ fn fly_pattern(
     };
     report::print(&text)?;
     Ok(ExitCode::from(u8::from(!pass)))
-}
-
-/// A model whose motors can be commanded, by gains of its own or by the thesis'.
-fn flyable(path: &std::path::Path, own_gains: bool) -> anyhow::Result<Model> {
-    let model = Model::read_to_simulate(path)?;
-    let motors = &model.vehicle.motors;
-    if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
-        anyhow::bail!(
-            "{}: vehicle.motors: has no map from command to rotor speed; give command, voltage and offset to fly it",
-            path.display()
-        );
-    }
-    let range = Config::thesis().command_range.map(f64::from);
-    if !own_gains && motors.command_range != range {
-        anyhow::bail!(
-            "{}: vehicle.motors.command_range: is {:?}; the thesis' gains are for {range:?}; give --gains",
-            path.display(),
-            motors.command_range
-        );
-    }
-    Ok(model)
 }
 
 /// A soak or a Monte Carlo survey; status 1 where something happened.

@@ -103,13 +103,14 @@ pub(crate) const TYPESCRIPT: Tool = Tool {
     version: &["tsc", "--version"],
     install: "npm install --global --no-fund --no-audit typescript@7.0.2",
 };
-/// Other people's simulators and design tools, in which exported models are flown.
+/// Other people's simulators and design tools, in which exported models are flown, and what builds and tests the Python package.
 pub(crate) const PEERS: Tool = Tool {
-    name: "mujoco, rotorpy and python-control",
+    name: "mujoco, rotorpy, python-control and Python's tools",
     version: &[
         "target/peers/bin/python",
         "-c",
-        "import control, mujoco, rotorpy; print(mujoco.__version__, rotorpy.__name__, control.__version__)",
+        "import control, gymnasium, ipykernel, matplotlib, maturin, mujoco, mypy, nbclient, pandas, polars, pyarrow, pytest, rotorpy; \
+         print(mujoco.__version__, control.__version__, pandas.__version__)",
     ],
     install: "python3 tests/peers/tools/install.py target/peers",
 };

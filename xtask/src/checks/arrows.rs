@@ -89,6 +89,11 @@ const ARROWS: &[Allowed] = &[
         why: "many flights of the loop over what a model leaves open, and what came of them",
     },
     Allowed {
+        from: "python",
+        to: &["quadlab", "sil", "diagnosis", "sysid", "flights", "model"],
+        why: "Python runs the program's commands, and gets flights, residuals and simulated craft as arrays",
+    },
+    Allowed {
         from: "export",
         to: &["design", "model", "report"],
         why: "other tools get the craft's physical parameters and its linear model, with numbers as in tables",

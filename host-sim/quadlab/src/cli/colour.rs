@@ -3,6 +3,8 @@
 //! Text is built with colours; what prints it takes them out where they are not wanted: in pipes and files, and with NO_COLOR set
 //! (no-color.org). A colour only repeats what a word says.
 
+use std::sync::OnceLock;
+
 use anstyle::{AnsiColor, Style};
 
 const GOOD: Style = AnsiColor::Green.on_default();
@@ -26,19 +28,50 @@ pub(crate) fn lead(text: &str) -> String {
     text.lines().map(|line| styled(LEAD, line) + "\n").collect()
 }
 
+/// How much what is told matters.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Level {
+    /// Good to know.
+    Note,
+    /// Something may be wrong.
+    Warning,
+    /// An input was refused.
+    Error,
+}
+
+/// Who is told in place of standard error.
+static LISTENER: OnceLock<fn(Level, &str)> = OnceLock::new();
+
+/// Has warnings, notes and errors told to a program that runs commands in its process, instead of printed. The first listener stays.
+pub fn tell_to(listener: fn(Level, &str)) {
+    let _ = LISTENER.set(listener);
+}
+
+fn tell(level: Level, text: &str) {
+    if let Some(listener) = LISTENER.get() {
+        return listener(level, text);
+    }
+    let (style, word) = match level {
+        Level::Note => (SOFT, "note:"),
+        Level::Warning => (DOUBT, "warning:"),
+        Level::Error => (BAD, "error:"),
+    };
+    anstream::eprintln!("{} {text}", styled(style, word));
+}
+
 /// Prints `warning: ...` on standard error.
 pub(crate) fn warn(text: &str) {
-    anstream::eprintln!("{} {}", styled(DOUBT, "warning:"), report::plain_line(text));
+    tell(Level::Warning, &report::plain_line(text));
 }
 
 /// Prints `note: ...` on standard error.
 pub(crate) fn note(text: &str) {
-    anstream::eprintln!("{} {}", styled(SOFT, "note:"), report::plain_line(text));
+    tell(Level::Note, &report::plain_line(text));
 }
 
 /// Prints `error: ...` on standard error: one short line, whatever a file name or a field holds.
 pub(crate) fn error(text: &str) {
-    anstream::eprintln!("{} {}", styled(BAD, "error:"), report::error_line(text));
+    tell(Level::Error, &report::error_line(text));
 }
 
 /// `text` as standard output takes it: without colours, but on a terminal that has them.

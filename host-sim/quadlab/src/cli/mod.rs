@@ -6,6 +6,7 @@ pub(crate) mod demo_flights;
 pub(crate) mod effect_names;
 pub(crate) mod faults;
 pub(crate) mod flights;
+pub(crate) mod invocation;
 pub(crate) mod logs;
 pub(crate) mod model_files;
 pub(crate) mod motion_clocks;

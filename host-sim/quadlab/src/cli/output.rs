@@ -7,6 +7,8 @@ use serde::Serialize;
 
 use diagnosis::workflow::{LoadedFlight, sha256};
 
+use crate::cli::invocation;
+
 /// What a command that ran hands back.
 pub(crate) struct Outcome {
     /// For standard output, with its last line break.
@@ -110,7 +112,8 @@ pub(crate) fn provenance<'a>(
         .map(|path| hashed(path, &std::fs::read(path).map(|bytes| sha256(&bytes)).unwrap_or_default()))
         .collect();
     inputs.extend(flights.into_iter().map(|flight| hashed(&flight.path, &flight.sha256)));
-    let arguments: Vec<String> = std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect();
+    let arguments: Vec<String> =
+        invocation::words().iter().map(|word| word.to_string_lossy().into_owned()).collect();
     let (program, rest) = arguments.split_first().map_or(("quadlab", [].as_slice()), |(p, r)| {
         (Path::new(p).file_name().and_then(|n| n.to_str()).unwrap_or("quadlab"), r)
     });

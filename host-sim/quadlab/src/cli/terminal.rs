@@ -1,15 +1,17 @@
 //! The terminal as the observer of long work: progress and warnings on standard error.
 
-use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 use diagnosis::workflow::{Observer, Progress};
 
-use crate::cli::{colour, progress};
+use crate::cli::{colour, invocation, progress};
 
 /// Shows progress where a person watches, and prints warnings.
 pub(crate) struct Terminal {
     json: bool,
     shown: Mutex<Option<Shown>>,
+    stop: Arc<AtomicBool>,
 }
 
 struct Shown {
@@ -20,7 +22,7 @@ struct Shown {
 impl Terminal {
     /// Without progress for `--json`.
     pub(crate) fn new(json: bool) -> Self {
-        Self { json, shown: Mutex::new(None) }
+        Self { json, shown: Mutex::new(None), stop: invocation::stop() }
     }
 
     /// Takes the progress away, for what a command prints at its end.
@@ -52,6 +54,10 @@ impl Observer for Terminal {
             Some((done, all)) => now.bar.set_activity(progress.activity, done as u64, all as u64),
             None => now.bar.set_message(progress.activity.to_owned()),
         }
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.stop.load(Ordering::Relaxed)
     }
 
     fn warning(&self, sentence: &str) {

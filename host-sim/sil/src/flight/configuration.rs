@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use control::Config;
+use model::Model;
 
 use super::error::SilError;
 
@@ -19,6 +20,23 @@ pub fn designed_config() -> Result<Config, SilError> {
     const NAME: &str = "f330-designed-gains.toml";
     let text = include_str!("../../../model/vehicles/f330-designed-gains.toml");
     Ok(design::Gains::parse(text, Path::new(NAME))?.config)
+}
+
+/// A model whose motors can be commanded, by gains of its own or by the thesis'.
+///
+/// # Errors
+/// A model that cannot be read or simulated, or commanded with these gains.
+pub fn flyable(path: &Path, own_gains: bool) -> Result<Model, SilError> {
+    let model = Model::read_to_simulate(path)?;
+    if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
+        return Err(SilError::NoMotorMap(path.into()));
+    }
+    let (found, expected) =
+        (model.vehicle.motors.command_range, Config::thesis().command_range.map(f64::from));
+    if !own_gains && found != expected {
+        return Err(SilError::OtherCommands { path: path.into(), found, expected });
+    }
+    Ok(model)
 }
 
 /// For flights with ideal sensors: a craft at rest without noise gives the same pose to the last

@@ -1,5 +1,7 @@
 //! Why a flight cannot be flown.
 
+use std::path::PathBuf;
+
 use crate::flight_computer::FlightComputerError;
 
 /// Why a flight cannot be flown.
@@ -11,6 +13,31 @@ pub enum SilError {
     /// A gains file.
     #[error(transparent)]
     Gains(#[from] design::GainsError),
+    /// A model file.
+    #[error(transparent)]
+    Model(#[from] model::ModelError),
+    /// A craft whose motors cannot be commanded.
+    #[error(
+        "{}: vehicle.motors: has no map from command to rotor speed; give command, voltage and offset to fly it",
+        .0.display()
+    )]
+    NoMotorMap(PathBuf),
+    /// A craft that the thesis' gains are not for.
+    #[error(
+        "{}: vehicle.motors.command_range: is {found:?}; the thesis' gains are for {expected:?}; give --gains",
+        path.display()
+    )]
+    OtherCommands {
+        /// The model file.
+        path: PathBuf,
+        /// The craft's range.
+        found: [f64; 2],
+        /// That of the gains.
+        expected: [f64; 2],
+    },
+    /// A craft that cannot hover.
+    #[error(transparent)]
+    Hover(#[from] design::DesignError),
     /// A number of the plan.
     #[error("flight plan: {field} is {value}: {expected}")]
     Plan {

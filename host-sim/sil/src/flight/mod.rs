@@ -11,7 +11,7 @@ mod script;
 pub(crate) use battery::battery_of;
 pub use closed_loop::{ClosedLoop, fly, fly_over};
 pub(crate) use configuration::with_still_sensors;
-pub use configuration::{CAGE_M, designed_config, for_identification};
+pub use configuration::{CAGE_M, designed_config, flyable, for_identification};
 pub use error::SilError;
 pub use plan::FlightPlan;
 pub use recording::{Recording, Row, Truth};

@@ -169,7 +169,11 @@ impl Prepared {
 
     /// Times of the rows of a fit, in the flight's own time, s.
     pub fn fit_row_times_s(&self) -> Vec<f64> {
-        let stride = self.fit_stride();
+        self.row_times_s(self.fit_stride())
+    }
+
+    /// Times of the rows at every `stride`th sample, in the flight's own time, s.
+    pub fn row_times_s(&self, stride: usize) -> Vec<f64> {
         let of_stretch = |stretch: &Stretch| {
             self.row_samples(stretch, stride).map(|k| stretch.time_s[k]).collect::<Vec<f64>>()
         };
