@@ -24,7 +24,7 @@ MODELS = {"identify", "add", "explain"}
 # What a value is, by the word that stands for it in the help.
 TYPES = {
     "CSV": "Flights", "FLIGHTS": "Flights", "LOG": "Flights", "N": "int", "SAMPLES": "int", "COUNT": "int", "CASE": "int",
-    "I": "int", "S": "float", "SHARE": "float", "PERCENT": "float", "HZ": "float", "COMMAND": "float",
+    "I": "int", "1..4": "int", "EFFECT": "str", "NAME": "str", "COEFFICIENT": "str", "SIGNAL": "str", "S": "float", "SHARE": "float", "PERCENT": "float", "HZ": "float", "COMMAND": "float",
 }
 HEAD = '''"""The commands of quadlab as functions: each takes the options of the command of the same name.
 
@@ -56,7 +56,9 @@ def type_of(option):
     if option["takes"] == "nothing":
         return "bool"
     if option["values"]:
-        one = f"Literal[{', '.join(json.dumps(value) for value in option['values'])}]"
+        # Without a value, the option stands for its first.
+        also = "bool | " if option["flag"] == "refine" else ""
+        one = f"{also}Literal[{', '.join(json.dumps(value) for value in option['values'])}]"
     elif option["flag"] == "model":
         one = "Model | Path"
     elif option["flag"] in ("out", "html"):
@@ -90,14 +92,16 @@ def flag_of(option):
 
 def in_python(text):
     """Help of an option as people call it from Python: without examples of the command line."""
-    text = re.sub(r",? ?(for example|such as):? --.*$", "", " ".join(text.split()))
-    return text.rstrip(".") + "."
+    text = re.sub(r",? ?([Ff]or example|such as):? --.*$", "", " ".join(text.split()))
+    text = text.replace("Exit status 1 if", "`holds` is False if").replace("Exit status 2 if a log is refused", "`refused` says why logs are refused")
+    text = re.sub(r"--([a-z][a-z-]*)", lambda flag: RENAMED.get(flag[1], flag[1]).replace("-", "_"), text)
+    return text.rstrip(". ") + "."
 
 
 def function(command):
     options = [option for option in command["options"] if option["flag"] != "json"]
     has_json = len(options) < len(command["options"])
-    about = [textwrap.fill(paragraph, 100) for paragraph in command["about"].split("\n\n")]
+    about = [textwrap.fill(in_python(paragraph), 100) for paragraph in command["about"].split("\n\n")]
     told = [
         textwrap.fill(f"{parameter(option)}: {in_python(option['help'] or '')}", 100, subsequent_indent="    ")
         for option in options

@@ -11,7 +11,7 @@ use crate::arm;
 use crate::base::process::{output_of, shown};
 use crate::base::tools::{
     self, CARGO_CYCLONEDX, CARGO_DENY, CHROMEDRIVER, CHROMIUM, CLIPPY, GIT, GUNGRAUN_RUNNER, MDBOOK, NEXTEST,
-    NPM, OCTAVE, PEERS, RUSTFMT, SSHD, TYPESCRIPT, Tool, VALGRIND,
+    NPM, OCTAVE, PARALLEL, PEERS, RUSTFMT, SLURM, SSHD, TYPESCRIPT, Tool, VALGRIND,
 };
 use crate::base::workspace::Workspace;
 
@@ -81,6 +81,8 @@ fn states(workspace: &Workspace) -> Vec<State> {
     states.push(State::of(&TYPESCRIPT, "`cargo xtask test` checks the page's scripts", false));
     states.push(State::of(&PEERS, "exported models are flown in them", false));
     states.push(State::of(&OCTAVE, "exported models answer in it", true));
+    states.push(State::of(&SLURM, "a campaign is flown by it", true));
+    states.push(State::of(&PARALLEL, "a campaign is flown by it", true));
     states.extend(arm::Target::ALL.map(target));
     states
 }

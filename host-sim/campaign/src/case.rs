@@ -21,6 +21,8 @@ pub struct Flown {
     pub case: Case,
     /// What was drawn for it.
     pub drawn: Drawn,
+    /// How long it was to be, s.
+    pub duration_s: f64,
     /// How the craft was lost, and after how many s: a crash, the motors cut, or upside down. A reason of physics does not count.
     pub lost: Option<(String, f64)>,
     /// Why no gains could fly this craft in this air: it cannot hover.
@@ -96,6 +98,7 @@ impl Ready<'_> {
         }
         let flown = Flown {
             case,
+            duration_s: plan.duration_s,
             lost: lost.filter(|_| reason.is_none()),
             impossible: reason.map(|why| why.to_string()),
             ended: recording

@@ -42,6 +42,12 @@ pub struct Needed {
     pub usual: f64,
 }
 
+impl From<Input> for Needed {
+    fn from(Input { name, value, usual }: Input) -> Self {
+        Self { name, value, usual }
+    }
+}
+
 /// Flights of one case with some conditions as in the model and the scenario.
 struct Trials<'a> {
     ready: &'a Ready<'a>,
@@ -94,9 +100,16 @@ impl Plan {
                 why: format!("no gains could fly it: {why}"),
             });
         }
+        ready.causes(case, drawn)
+    }
+}
+
+impl Ready<'_> {
+    /// The same of a flight with any numbers.
+    pub(crate) fn causes(&self, case: Case, drawn: Drawn) -> Result<Option<Causes>, CampaignError> {
         let mut kept: Vec<bool> = drawn.inputs.iter().map(|input| input.value != input.usual).collect();
         let mut with_fault = drawn.fault.is_some();
-        let mut trials = Trials { ready: &ready, case, drawn, flown: 0 };
+        let mut trials = Trials { ready: self, case, drawn, flown: 0 };
         let Some((lost_by, after_s)) = trials.lost(&kept, with_fault, 1.0)? else { return Ok(None) };
         loop {
             let before = (kept.clone(), with_fault);
@@ -129,10 +142,7 @@ impl Plan {
             case: case.number,
             lost_by,
             after_s,
-            needed: needed
-                .into_iter()
-                .map(|Input { name, value, usual }| Needed { name, value, usual })
-                .collect(),
+            needed: needed.into_iter().map(Needed::from).collect(),
             fault: trials.drawn.fault.filter(|_| with_fault).map(|fault| fault.to_string()),
             enough_percent: enough.map(|share| 100.0 * share),
             flights: trials.flown,

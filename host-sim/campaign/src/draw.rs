@@ -79,7 +79,7 @@ fn hashed(seed: u64, draw: u64, purpose: &str) -> u64 {
 }
 
 /// Parts of the unknown quantities that are drawn each by itself, with their names.
-fn parts(quantity: &'static str) -> &'static [&'static str] {
+pub(crate) fn parts(quantity: &'static str) -> &'static [&'static str] {
     match quantity {
         "mass_kg" => &["mass_kg"],
         "center_of_mass_m" => &["center_forward_m", "center_right_m"],

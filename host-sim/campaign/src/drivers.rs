@@ -34,11 +34,39 @@ pub struct Driver {
     pub worst_percent: f64,
     /// Exact 95 % interval of that share, percent.
     pub worst_interval_percent: [f64; 2],
+    /// All groups, by the number.
+    pub groups: Vec<Group>,
     /// By what the odds of a loss are multiplied for each standard deviation more, with all other numbers as they are (logistic fit);
     /// absent where there are too few losses, or where some number all but tells lost from kept draws.
     pub odds_ratio: Option<f64>,
     /// Its 95 % interval.
     pub odds_interval: Option<[f64; 2]>,
+}
+
+/// Draws in which a number is about the same.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Group {
+    /// Its least and its most there.
+    pub range: [f64; 2],
+    /// Share of the draws lost, percent.
+    pub lost_percent: f64,
+    /// Exact 95 % interval of that share, percent.
+    pub interval_percent: [f64; 2],
+}
+
+impl Group {
+    fn of(places: &[usize], values: &[f64], lost: &[bool]) -> Self {
+        let hits = places.iter().filter(|place| lost[**place]).count();
+        let Interval { low, high } = exact_interval(hits as u64, places.len() as u64);
+        let end = |pick: fn(f64, f64) -> f64| {
+            places.iter().map(|place| values[*place]).reduce(pick).unwrap_or(f64::NAN)
+        };
+        Self {
+            range: [end(f64::min), end(f64::max)],
+            lost_percent: 100.0 * hits as f64 / places.len().max(1) as f64,
+            interval_percent: [100.0 * low, 100.0 * high],
+        }
+    }
 }
 
 /// The drivers of a loss, the strongest first.
@@ -95,19 +123,17 @@ fn of_one(name: &str, values: &[f64], lost: &[bool]) -> Driver {
         / (mean * (1.0 - mean));
     let freedom = groups.len() as f64 - 1.0;
     let p_value = ChiSquared::new(freedom).map_or(1.0, |chi| chi.sf(chi_squared));
-    let rate = |group: &&Vec<usize>| hits(group) / group.len() as f64;
-    let worst = groups.iter().max_by(|one, other| rate(one).total_cmp(&rate(other)));
-    let worst = worst.map_or(&[][..], Vec::as_slice);
-    let Interval { low, high } = exact_interval(hits(worst) as u64, worst.len() as u64);
-    let ends =
-        |pick: fn(f64, f64) -> f64| worst.iter().map(|place| values[*place]).reduce(pick).unwrap_or(f64::NAN);
+    let groups: Vec<Group> = groups.iter().map(|group| Group::of(group, values, lost)).collect();
+    let worst = groups.iter().max_by(|one, other| one.lost_percent.total_cmp(&other.lost_percent));
+    let worst = worst.cloned().unwrap_or_else(|| Group::of(&[], values, lost));
     Driver {
         input: name.to_owned(),
         variance_percent: 100.0 * ((chi_squared - freedom) / all).max(0.0),
         p_value,
-        worst_range: [ends(f64::min), ends(f64::max)],
-        worst_percent: 100.0 * hits(worst) / worst.len().max(1) as f64,
-        worst_interval_percent: [100.0 * low, 100.0 * high],
+        worst_range: worst.range,
+        worst_percent: worst.lost_percent,
+        worst_interval_percent: worst.interval_percent,
+        groups,
         odds_ratio: None,
         odds_interval: None,
     }

@@ -116,6 +116,29 @@ impl Plan {
             }
             gains = BUILT_IN.map(|name| NamedText { name: name.to_owned(), text: None }).into();
         }
+        Self::of(definition, path, shards, model, gains)
+    }
+
+    /// The plan of a definition for a craft and gains that are given as the texts of their files, in the place of those it names.
+    ///
+    /// # Errors
+    /// As [`Plan::new`].
+    pub fn with(
+        definition: &Definition,
+        path: &Path,
+        model: NamedText,
+        gains: NamedText,
+    ) -> Result<Self, CampaignError> {
+        Self::of(definition, path, None, Some(model), vec![gains])
+    }
+
+    fn of(
+        definition: &Definition,
+        path: &Path,
+        shards: Option<u64>,
+        model: Option<NamedText>,
+        gains: Vec<NamedText>,
+    ) -> Result<Self, CampaignError> {
         let campaign = Campaign {
             name: definition.name.clone(),
             seed: definition.seed,

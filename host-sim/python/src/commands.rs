@@ -1,6 +1,7 @@
 //! The commands of the program.
 
 use std::ffi::OsString;
+use std::path::PathBuf;
 
 use clap::builder::ValueRange;
 use clap::{Arg, ArgAction, Command};
@@ -16,6 +17,12 @@ use crate::waiting::beside;
 pub(crate) fn run(py: Python<'_>, words: Vec<OsString>) -> PyResult<(String, bool, Vec<String>)> {
     let ran = beside(py, move |stop| quadlab::run(&words, stop))?;
     ran.map(|ran| (ran.text, ran.holds, ran.refused)).map_err(QuadlabError::new_err)
+}
+
+/// Whether a file is a model, with the program's sentence where it is none.
+#[pyfunction]
+pub(crate) fn check_model(path: PathBuf) -> PyResult<()> {
+    quadlab::check_model(&path).map_err(QuadlabError::new_err)
 }
 
 /// All commands and their options, as JSON.

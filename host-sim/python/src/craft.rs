@@ -6,10 +6,10 @@ use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArr
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use sil::environment::{ACTIONS, ActionKind, Environment, ObservationKind, Task};
-use sil::{Fault, FaultKind, GustModel, NoiseModel, SilError};
+use sil::{GustModel, NoiseModel, SilError};
 
 use crate::QuadlabError;
-use crate::simulation::plan_of;
+use crate::simulation::{MotorFault, fault, plan_of, set_wind};
 
 /// What is learned, as Python hands it over.
 #[derive(FromPyObject)]
@@ -30,8 +30,7 @@ pub(crate) struct Wanted {
     gusts: Option<[f64; 2]>,
     /// North and east.
     wind_m_s: Option<[f64; 2]>,
-    /// Motor from 1, what happens to it, since when, s, and by how much.
-    motor_faults: Vec<(usize, String, f64, f64)>,
+    motor_faults: Vec<MotorFault>,
 }
 
 /// Craft of one model, each in an episode of its own.
@@ -198,26 +197,11 @@ impl Wanted {
         plan.delay_samples = self.delay_samples;
         plan.noise = (self.noise > 0.0).then(|| NoiseModel::default().times(self.noise));
         plan.gusts = self.gusts.map(|[deviation_m_s, time_s]| GustModel { deviation_m_s, time_s });
-        if let Some(wind_m_s) = &self.wind_m_s {
-            plan.model.set(model::Effect::SteadyWind, wind_m_s);
-        }
+        set_wind(&mut plan, self.wind_m_s);
         plan.faults = self.motor_faults.iter().map(fault).collect::<Result<_, String>>()?;
         let Self { room_m, start_m, start_m_s, start_rad, .. } = *self;
         Ok(Task { plan, action, observation, room_m, start_m, start_m_s, start_rad })
     }
-}
-
-fn fault((motor, what, from_s, size): &(usize, String, f64, f64)) -> Result<Fault, String> {
-    let Some(index) = motor.checked_sub(1).filter(|index| *index < ACTIONS) else {
-        return Err(format!("motor_faults: motor {motor}, expected 1 to {ACTIONS}"));
-    };
-    let kind = match what.as_str() {
-        "dead" => FaultKind::MotorDead(index),
-        "weak" => FaultKind::MotorWeak(index, *size as f32),
-        "stuck" => FaultKind::MotorStuck(index),
-        other => return Err(format!("motor_faults: is {other:?}, expected dead, weak or stuck")),
-    };
-    Ok(Fault { kind, from_s: *from_s, for_s: f64::INFINITY })
 }
 
 fn refused(why: SilError) -> PyErr {

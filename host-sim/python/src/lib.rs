@@ -24,12 +24,12 @@ pyo3::create_exception!(
 /// Functions and classes as Python sees them.
 #[pymodule]
 mod _quadlab {
-    use super::{Bound, PyModule, PyResult};
+    use super::{Bound, PyModule, PyModuleMethods as _, PyResult};
 
     #[pymodule_export]
     use super::QuadlabError;
     #[pymodule_export]
-    use super::commands::{describe, run};
+    use super::commands::{check_model, describe, run};
     #[pymodule_export]
     use super::craft::Crafts;
     #[pymodule_export]
@@ -38,8 +38,8 @@ mod _quadlab {
     use super::simulation::simulate;
 
     #[pymodule_init]
-    fn init(_module: &Bound<'_, PyModule>) -> PyResult<()> {
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::commands::listen();
-        Ok(())
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

@@ -2,9 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use model::Effect;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sil::{FlightPlan, GustModel, NoiseModel, Script, Waypoint, for_identification};
+use sil::{Fault, FaultKind, FlightPlan, GustModel, NoiseModel, Script, Waypoint, for_identification};
 
 use crate::QuadlabError;
 use crate::flights::columns;
@@ -24,6 +25,9 @@ pub(crate) struct Wanted {
     noise: f64,
     /// Standard deviation, m/s, and correlation time, s.
     gusts: Option<[f64; 2]>,
+    /// North and east.
+    wind_m_s: Option<[f64; 2]>,
+    motor_faults: Vec<MotorFault>,
     excitation: bool,
     seed: u64,
 }
@@ -52,6 +56,8 @@ impl Wanted {
         plan.delay_samples = self.delay_samples;
         plan.noise = (self.noise > 0.0).then(|| NoiseModel::default().times(self.noise));
         plan.gusts = self.gusts.map(|[deviation_m_s, time_s]| GustModel { deviation_m_s, time_s });
+        set_wind(&mut plan, self.wind_m_s);
+        plan.faults = self.motor_faults.iter().map(fault).collect::<Result<_, String>>()?;
         plan.excitation = self.excitation;
         plan.seed = self.seed;
         Ok(plan)
@@ -67,4 +73,27 @@ fn waypoint(row: &[f64; 5]) -> Waypoint {
 pub(crate) fn plan_of(model: &Path, gains: Option<&Path>) -> Result<FlightPlan, String> {
     let (model, config) = quadlab::craft_to_fly(model, gains)?;
     Ok(FlightPlan { config, ..FlightPlan::identification(model, 0, 1.0) })
+}
+
+/// A wind in the place of the model's.
+pub(crate) fn set_wind(plan: &mut FlightPlan, wind_m_s: Option<[f64; 2]>) {
+    if let Some(wind_m_s) = wind_m_s {
+        plan.model.set(Effect::SteadyWind, &wind_m_s);
+    }
+}
+
+/// Motor from 1, what happens to it, since when, s, and by how many command units.
+pub(crate) type MotorFault = (usize, String, f64, f64);
+
+pub(crate) fn fault((motor, what, from_s, size): &MotorFault) -> Result<Fault, String> {
+    let Some(index) = motor.checked_sub(1).filter(|index| *index < 4) else {
+        return Err(format!("motor_faults: motor {motor}, expected 1 to 4"));
+    };
+    let kind = match what.as_str() {
+        "dead" => FaultKind::MotorDead(index),
+        "weak" => FaultKind::MotorWeak(index, *size as f32),
+        "stuck" => FaultKind::MotorStuck(index),
+        other => return Err(format!("motor_faults: is {other:?}, expected dead, weak or stuck")),
+    };
+    Ok(Fault { kind, from_s: *from_s, for_s: f64::INFINITY })
 }

@@ -69,8 +69,34 @@ def test_logs_of_other_programs_are_read():
 
 def test_pictures_have_axes_with_units(flights, vehicle):
     figure = flights[0].plot()
-    assert [axis.get_ylabel() for axis in figure.axes] == ["m", "rad", "rad/s", "command", "V"]
+    assert [axis.get_ylabel() for axis in figure.axes] == [
+        "position, m",
+        "attitude, rad",
+        "rates, rad/s",
+        "command",
+        "battery, V",
+        "rotors, rad/s",
+    ]
     found = quadlab.identify(vehicle=vehicle, train=flights[:3], validate=flights[3:])
     figure = plot.residuals(found.model, flights[3])
     assert figure.axes[-1].get_xlabel() == "time, s" and figure.axes[0].get_ylabel() == "u, m/s²"
     assert len(plot.coefficients(found).axes[0].patches) == len(found.frame("coefficients").dropna(subset=["std_error"]))
+    assert len(flights[0].plot("theta").axes) == 1
+    assert list(found.model.frame()["value"]) == list(found.frame("coefficients")["value"])
+
+
+def test_flights_are_compared_cut_and_given_as_tables(flights, vehicle):
+    assert flights[0] == quadlab.Flight(flights[0].columns) and flights[0] != flights[1] and flights[1] in flights
+    part = flights[0].between(5.0, 10.0)
+    assert part.rows == 501 and part["t"][0] == 5.0
+    found = quadlab.identify(vehicle=vehicle, train=(one.to_pandas() for one in flights[:3]), validate=tuple(flights[3:4]))
+    assert len(found["flights"]) == 4 and "flights" in found and "thrust" in repr(found)
+    with pytest.raises(quadlab.QuadlabError, match="takes one flight, and 2 are given"):
+        found.model.predict(flights[3:])
+    with pytest.raises(quadlab.QuadlabError, match="is no table"):
+        found.frame("vehicle")
+    with pytest.raises(quadlab.QuadlabError, match="is a vehicle file, and this command needs a model"):
+        quadlab.Model(vehicle)
+    broken = quadlab.Flight({column: values for column, values in flights[0].columns.items() if column != "x"}, "broken.csv")
+    with pytest.raises(quadlab.QuadlabError, match="^broken.csv: "):
+        quadlab.identify(vehicle=vehicle, train=[broken, *flights[1:3]], validate=flights[3:])

@@ -52,11 +52,12 @@ def test_faults_and_wrong_tasks(thesis_model):
         (dict(observation="all"), "expected state or sensors"),
         (dict(motor_faults=[(5, "dead", 0.0, 0.0)]), "motor 5, expected 1 to 4"),
         (dict(duration_s=-1.0), "duration_s"),
+        (dict(speed=1.0), "speed: is no option of an environment; choose from gains, action"),
     ]:
         with pytest.raises(quadlab.QuadlabError, match=told):
             QuadcopterEnv(thesis_model, **options)
     vector = QuadcopterVectorEnv(thesis_model, 3)
-    vector.reset(seed=1)
+    assert np.array_equal(vector.reset(seed=np.int64(3))[0], vector.reset(seed=3)[0])
     with pytest.raises(ValueError, match="expected \\(3, 4\\)"):
         vector.step(np.zeros((2, 4), np.float32))
 

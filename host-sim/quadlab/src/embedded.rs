@@ -11,6 +11,7 @@ use model::Model;
 
 use crate::cli::invocation::{self, Invocation};
 use crate::cli::logs::vehicle_beside;
+use crate::cli::model_files::read_model;
 use crate::{Arguments, mistake, outcome, with_causes};
 
 /// What a command that ran hands back.
@@ -64,6 +65,14 @@ pub fn read_flights(path: &Path) -> Result<Vec<Flight>, String> {
         Ok(parts.into_iter().map(|part| part.flight).collect())
     };
     read().map_err(|error| with_causes(&error))
+}
+
+/// Whether a file is a model.
+///
+/// # Errors
+/// Why it is none, in one line.
+pub fn check_model(path: &Path) -> Result<(), String> {
+    read_model(path).map(drop).map_err(|error| with_causes(&error.into()))
 }
 
 /// A craft and the law that flies it: gains designed for it, else the thesis'.

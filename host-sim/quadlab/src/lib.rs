@@ -29,7 +29,7 @@ use crate::commands::{
 };
 
 pub use crate::cli::colour::{Level, tell_to};
-pub use crate::embedded::{Ran, craft_to_fly, program, read_flights, run};
+pub use crate::embedded::{Ran, check_model, craft_to_fly, program, read_flights, run};
 
 /// Identify a quadcopter's model from flights, find where it fails, and name the physical effect it lacks.
 ///

@@ -3,6 +3,8 @@
 mod common;
 #[path = "common/schemas.rs"]
 mod schemas;
+#[path = "common/slurm.rs"]
+mod slurm;
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -101,20 +103,18 @@ fn shards_are_handed_to_engines() {
     assert!(submit("local", "local").status.success());
     done_in(folder.path(), &["campaign", "merge", "plan.json", "--parts", "local"]);
     assert!(std::fs::read(folder.path().join("local/cases.parquet")).unwrap() == expected);
-    for (engine, needs, script) in [
-        ("hq", "python3", "submit-hq.py"),
-        ("parallel", "parallel", "submit-parallel.sh"),
-        ("slurm", "sbatch", "submit-slurm.sh"),
-    ] {
+    for (engine, needs, script) in
+        [("hq", "python3", "submit-hq.py"), ("parallel", "parallel", "submit-parallel.sh")]
+    {
         let ran = submit(engine, engine);
         assert!(folder.path().join(engine).join(script).exists(), "{engine}");
-        if ran.status.success() && engine != "slurm" {
+        if ran.status.success() {
             done_in(folder.path(), &["campaign", "merge", "plan.json", "--parts", engine]);
             let bytes = std::fs::read(folder.path().join(engine).join("cases.parquet")).unwrap();
             assert!(bytes == expected, "{engine}: the same bytes");
         } else {
             let why = String::from_utf8(ran.stderr).unwrap();
-            eprintln!("skipped: {engine} is not here ({})", why.trim());
+            println!("SKIPPED: {engine} is not here ({})", why.trim());
             assert!(
                 why.lines().count() <= 1 && (why.is_empty() || why.contains(needs) || why.contains("sh")),
                 "{why}"
@@ -140,6 +140,88 @@ fn shards_are_handed_to_engines() {
             .contains("completions: 3")
     );
     assert!(folder.path().join("k8s/plan.json").exists());
+}
+
+/// A Slurm array on a node of its own: the same bytes as on this machine alone.
+#[test]
+fn slurm_flies_every_shard() {
+    let Some(slurm) = slurm::Slurm::start() else {
+        println!("SKIPPED: slurm is not installed: apt-get install --yes slurmctld slurmd slurm-client");
+        return;
+    };
+    let folder = planned(5);
+    done_in(folder.path(), &RUN);
+    let expected = merged(folder.path());
+    let (variable, value) = slurm.environment();
+    let mut submit = Command::new(env!("CARGO_BIN_EXE_quadlab"));
+    submit.args(["campaign", "submit", "plan.json", "--out", "there", "--engine", "slurm"]);
+    let ran = submit.env(variable, value).current_dir(folder.path()).output().unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    assert!(String::from_utf8_lossy(&ran.stdout).contains("5 shards submitted"));
+    let ended = slurm.waits_until_idle();
+    let logs = (0..5).map(|k| std::fs::read_to_string(folder.path().join(format!("there/slurm-{k}.log"))));
+    let logs: Vec<String> = logs.map(Result::unwrap_or_default).collect();
+    assert!(ended, "{logs:?}");
+    assert!(logs.iter().all(|log| log.contains("flights in")), "{logs:?}");
+    done_in(folder.path(), &["campaign", "merge", "plan.json", "--parts", "there"]);
+    assert!(std::fs::read(folder.path().join("there/cases.parquet")).unwrap() == expected, "the same bytes");
+}
+
+/// A search finds what draws miss, tells it in JSON by its schema and on a page, and ends with status 1.
+#[test]
+fn a_search_beside_sampling() {
+    let folder = tempfile::tempdir().unwrap();
+    let text = "name = \"corner\"\ndraws = 10\nscenarios = [\"hover\"]\n[unknown]\nmass_kg = [0.0, 0.45]\nthrust_loss = [0.0, 0.28]\n";
+    std::fs::write(folder.path().join("c.toml"), text).unwrap();
+    done_in(folder.path(), &["campaign", "plan", "c.toml"]);
+    let search = ["campaign", "search", "plan.json", "--gains", "designed", "--flights", "240"];
+    let ran = run_in(folder.path(), &[&search[..], &["--html", "search.html", "--json"]].concat());
+    assert_eq!(ran.status.code(), Some(1), "{}", String::from_utf8_lossy(&ran.stderr));
+    let found: serde_json::Value = serde_json::from_slice(&ran.stdout).unwrap();
+    schemas::assert_valid("campaign-search", &found);
+    let count = |key: &str| found[key].as_u64().unwrap();
+    assert!(count("lost") > 3 * count("sampled_lost"), "{found}");
+    assert!(
+        std::fs::read_to_string(folder.path().join("search.html"))
+            .unwrap()
+            .contains("The worst flight so far")
+    );
+    let told = String::from_utf8(run_in(folder.path(), &search).stdout).unwrap();
+    assert!(told.contains("flights of the search were lost") && told.contains("(needed)"), "{told}");
+}
+
+/// Gains are written only where they lose the craft as rarely as is asked.
+#[test]
+fn gains_are_designed_for_a_share_of_losses() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = concat!(env!("CARGO_MANIFEST_DIR"), "/../model/vehicles/f330-model.toml");
+    let campaign = |wind: &str| {
+        format!(
+            "name = \"wind\"\ndraws = 80\nscenarios = [\"tour\"]\n[unknown]\nwind_m_s = {wind}\nnoise = [0.5, 1.5]\n"
+        )
+    };
+    std::fs::write(folder.path().join("calm.toml"), campaign("[-0.2, 0.2]")).unwrap();
+    std::fs::write(folder.path().join("storm.toml"), campaign("[8.0, 12.0]")).unwrap();
+    let design = |campaign: &str, allow: &str, out: &str| {
+        run_in(
+            folder.path(),
+            &["design", "--model", model, "--out", out, "--campaign", campaign, "--allow", allow],
+        )
+    };
+    let calm = design("calm.toml", "5", "calm-gains.toml");
+    let told = String::from_utf8_lossy(&calm.stdout).into_owned() + &String::from_utf8_lossy(&calm.stderr);
+    assert!(calm.status.success() && told.contains("lost in tour: 0 of 80 draws"), "{told}");
+    assert!(folder.path().join("calm-gains.toml").exists());
+    let storm = design("storm.toml", "5", "storm-gains.toml");
+    let told = String::from_utf8_lossy(&storm.stdout).into_owned() + &String::from_utf8_lossy(&storm.stderr);
+    assert_eq!(storm.status.code(), Some(1), "{told}");
+    assert!(
+        told.contains("NOT MET: lost in tour") && !folder.path().join("storm-gains.toml").exists(),
+        "{told}"
+    );
+    let few = design("calm.toml", "0.1", "few.toml");
+    assert_eq!(few.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&few.stderr).contains("80 draws cannot show that"));
 }
 
 #[test]

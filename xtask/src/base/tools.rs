@@ -120,6 +120,18 @@ pub(crate) const OCTAVE: Tool = Tool {
     version: &["octave-cli", "--version"],
     install: "apt-get install --yes --no-install-recommends octave octave-control",
 };
+/// An engine of clusters; with its daemons, a node of its own flies campaigns in a test.
+pub(crate) const SLURM: Tool = Tool {
+    name: "slurm",
+    version: &["slurmctld", "-V"],
+    install: "apt-get install --yes --no-install-recommends slurmctld slurmd slurm-client",
+};
+/// Runs shards of campaigns.
+pub(crate) const PARALLEL: Tool = Tool {
+    name: "parallel",
+    version: &["parallel", "--version"],
+    install: "apt-get install --yes --no-install-recommends parallel",
+};
 /// Name of the program that starts instruction-count benches under valgrind. Its version has to be that
 /// of the library `gungraun`, so its installation line depends on the lock file.
 pub(crate) const GUNGRAUN_RUNNER: &str = "gungraun-runner";

@@ -15,10 +15,12 @@ from quadlab._quadlab import QuadlabError
 from quadlab.commands import *  # noqa: F403
 from quadlab.commands import __all__ as _commands
 from quadlab.commands import diagnose as _diagnose
+from quadlab import plot
+from quadlab._quadlab import __version__
 from quadlab.flight import Flight, read, read_all, simulate
 from quadlab.running import Flights, Model, Path, Result
 
-__all__ = ["Flight", "Flights", "Model", "QuadlabError", "Result", "changed", "read", "read_all", "simulate", *_commands]
+__all__ = ["Flight", "Flights", "Model", "QuadlabError", "Result", "__version__", "changed", "plot", "read", "read_all", "simulate", *_commands]
 
 
 def changed(model: Model | Path, flights: Flights) -> Result:

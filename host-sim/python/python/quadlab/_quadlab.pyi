@@ -7,10 +7,13 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+__version__: str
+
 class QuadlabError(ValueError):
     """What the program says in one line."""
 
 def run(words: list[str]) -> tuple[str, bool, list[str]]: ...
+def check_model(path: str | os.PathLike[str]) -> None: ...
 def describe() -> str: ...
 def read(path: str | os.PathLike[str]) -> list[tuple[str, dict[str, NDArray[np.float64]]]]: ...
 def residuals(

@@ -31,6 +31,7 @@ __all__ = [
     "campaign_report",
     "campaign_replay",
     "campaign_why",
+    "campaign_search",
     "motor_map",
     "excite",
     "plan",
@@ -74,9 +75,9 @@ def import_log(
     ROS 2 bags, MCAP, Parquet, CSV under any names (a columns.toml beside them says which column is
     which), and recordings of `quadlab ground`. Prints how far the log's clocks are apart, and what was
     cut out. Writes a flight file for each part that was flown, and a vehicle file that marks what you
-    still have to measure; an existing one is kept unless --force is given. Every command that takes
-    flights also takes logs: import only saves the flights as files. Exit status 2 if a log is refused;
-    the others are still imported.
+    still have to measure; an existing one is kept unless force is given. Every command that takes
+    flights also takes logs: import only saves the flights as files. `refused` says why logs are
+    refused; the others are still imported.
 
     logs: Logs: files, folders, patterns such as '*.ulg', or - for standard input.
     out: Folder to write the flight files and the vehicle file to; created if missing.
@@ -100,7 +101,7 @@ def identify(
     train: Flights | None = None,
     validate: Flights | None = None,
     effects: Path | Sequence[Path] | None = None,
-    refine: Literal["moments", "all"] | None = None,
+    refine: bool | Literal["moments", "all"] | None = None,
     out: Path | None = None,
     accept_faults: bool = False,
     apply: bool = False,
@@ -114,14 +115,13 @@ def identify(
     training flights by least squares, tests them on the held-out flights, and writes the model.
 
     vehicle: Vehicle file, with what was measured before any flight.
-    flights: Flights and logs to be split into training and held-out ones, in the place of --train and
-        --validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to be split into training and held-out ones, in the place of train and
+        validate: by flight, by part in the air, or by blocks of time where there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
     refine: Refine the coefficients of the moments, or all, so that open-loop predictions over half a
-        second fit best. Kept only if the held-out flights are predicted better. For example: --refine,
-        or --refine all.
+        second fit best. Kept only if the held-out flights are predicted better.
     out: Model file to write. Without it, only the result has the model.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
         results will be wrong too.
@@ -159,7 +159,7 @@ def compare(
     to_s: float | None = None,
     force: bool = False,
 ) -> Result:
-    """Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most
+    """Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
 
     model: Model files, several to see them side by side.
     flights: Flights to compare with: files, folders or patterns.
@@ -193,8 +193,8 @@ def diagnose(
     validate: Flights | None = None,
     effects: Path | Sequence[Path] | None = None,
     changed: Flights | None = None,
-    why: Path | None = None,
-    without: Path | Sequence[Path] | None = None,
+    why: str | None = None,
+    without: str | Sequence[str] | None = None,
     html: Path | None = None,
     accept_faults: bool = False,
     apply: bool = False,
@@ -206,22 +206,22 @@ def diagnose(
 
     Every effect of the catalogue is fitted together with the whole model on the training flights and
     tested on the held-out flights. An effect is supported when it lowers the error there by more than
-    chance would and by enough to matter, with coefficients that are physically possible. Exit status 1
-    if the flights do not determine the model: what to fly is said.
+    chance would and by enough to matter, with coefficients that are physically possible. `holds` is
+    False if the flights do not determine the model: what to fly is said.
 
-    With --changed, instead of --train and --validate, the model's coefficients stay fixed, and the
-    residual of new flights is explained by one change (a heavier craft, a weak motor, wind, ...). The
-    change must stand out from the scatter between the flights that the model was fitted to.
+    With changed, instead of train and validate, the model's coefficients stay fixed, and the residual
+    of new flights is explained by one change (a heavier craft, a weak motor, wind, ...). The change
+    must stand out from the scatter between the flights that the model was fitted to.
 
     model: Model file.
-    flights: Flights and logs to be split into training and held-out ones, in the place of --train and
-        --validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to be split into training and held-out ones, in the place of train and
+        validate: by flight, by part in the air, or by blocks of time where there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
     changed: New flights, to find what has changed since the model was fitted.
-    why: Show all the evidence for and against one effect, missing or in the model; with --changed, for
-        and against the changes that it can be. For example: --why ground-effect.
+    why: Show all the evidence for and against one effect, missing or in the model; with changed, for
+        and against the changes that it can be.
     without: Ignore these effects, as if the catalogue did not have them.
     html: Page with figures to write.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
@@ -252,14 +252,14 @@ def diagnose(
 
 
 def add(
-    effect: Path,
+    effect: str,
     flights: Flights | None = None,
     *,
     model: Model | Path,
     train: Flights | None = None,
     validate: Flights | None = None,
     effects: Path | Sequence[Path] | None = None,
-    refine: Literal["moments", "all"] | None = None,
+    refine: bool | Literal["moments", "all"] | None = None,
     out: Path | None = None,
     accept_faults: bool = False,
     apply: bool = False,
@@ -274,14 +274,13 @@ def add(
 
     effect: The effect's identifier, for example: ground-effect.
     model: Model file to start from.
-    flights: Flights and logs to be split into training and held-out ones, in the place of --train and
-        --validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to be split into training and held-out ones, in the place of train and
+        validate: by flight, by part in the air, or by blocks of time where there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
     refine: Refine the coefficients of the moments, or all, so that open-loop predictions over half a
-        second fit best. Kept only if the held-out flights are predicted better. For example: --refine,
-        or --refine all.
+        second fit best. Kept only if the held-out flights are predicted better.
     out: Model file to write. Without it, only the result has the model.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
         results will be wrong too.
@@ -316,8 +315,8 @@ def explain(
     train: Flights | None = None,
     validate: Flights | None = None,
     effects: Path | Sequence[Path] | None = None,
-    without: Path | Sequence[Path] | None = None,
-    refine: Literal["moments", "all"] | None = None,
+    without: str | Sequence[str] | None = None,
+    refine: bool | Literal["moments", "all"] | None = None,
     discover: bool = False,
     out: Path | None = None,
     html: Path | None = None,
@@ -330,18 +329,18 @@ def explain(
     """Identify the basic model, then add effects until the flights support no further one.
 
     An effect is added only if the held-out flights support it. The error after every step is kept in
-    the model's history. Exit status 1 if the flights do not determine the model: what to fly is said.
+    the model's history. `holds` is False if the flights do not determine the model: what to fly is
+    said.
 
     vehicle: Vehicle file, with what was measured before any flight.
-    flights: Flights and logs to be split into training and held-out ones, in the place of --train and
-        --validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to be split into training and held-out ones, in the place of train and
+        validate: by flight, by part in the air, or by blocks of time where there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
     without: Ignore these effects, as if the catalogue did not have them.
     refine: Refine the coefficients of the moments, or all, so that open-loop predictions over half a
-        second fit best. Kept only if the held-out flights are predicted better. For example: --refine,
-        or --refine all.
+        second fit best. Kept only if the held-out flights are predicted better.
     discover: Search what the known effects leave for its form, as `quadlab discover` does with the
         model that is written.
     out: Model file to write. Without it, only the result has the model.
@@ -382,7 +381,7 @@ def discover(
     train: Flights | None = None,
     validate: Flights | None = None,
     effects: Path | Sequence[Path] | None = None,
-    without: Path | Sequence[Path] | None = None,
+    without: str | Sequence[str] | None = None,
     out: Path | None = None,
     html: Path | None = None,
     accept_faults: bool = False,
@@ -395,14 +394,14 @@ def discover(
 
     Known effects come first: those that the model lacks are added. The residual is then searched for a
     force or a moment that depends on measured quantities, on place or on time. The form is chosen on
-    the training flights and tested on the held-out ones. With --out it is written as an effect of your
-    own, which `quadlab add --effects` takes. Where nothing is left, nothing is proposed; where no
-    formula predicts the residual of other flights (turbulence), the answer is `not-a-formula`.
+    the training flights and tested on the held-out ones. With out it is written as an effect of your
+    own, which `quadlab add effects` takes. Where nothing is left, nothing is proposed; where no formula
+    predicts the residual of other flights (turbulence), the answer is `not-a-formula`.
 
     model: Model file to start from.
     vehicle: Vehicle file, where there is no model yet.
-    flights: Flights and logs to be split into training and held-out ones, in the place of --train and
-        --validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to be split into training and held-out ones, in the place of train and
+        validate: by flight, by part in the air, or by blocks of time where there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
@@ -440,7 +439,7 @@ def effects(
     *,
     effects: Path | Sequence[Path] | None = None,
 ) -> Result:
-    """List the physical effects that a model can have
+    """List the physical effects that a model can have.
 
     effects: Files with effects of your own, written as formulas.
     """
@@ -456,7 +455,7 @@ def linearize(
     at: Path | None = None,
     cancel: float | None = None,
 ) -> Result:
-    """Linearise a model about an equilibrium: A, B, C, D and the transfer function of each channel
+    """Linearise a model about an equilibrium: A, B, C, D and the transfer function of each channel.
 
     model: Model file.
     at: Equilibrium to linearise about: "hover", or a trim file with the motion to hold.
@@ -504,15 +503,21 @@ def design(
     model: Model | Path,
     specs: Path | None = None,
     out: Path,
+    campaign: Path | None = None,
+    allow: float | None = None,
     accept_unidentified: bool = False,
     force: bool = False,
 ) -> Result:
-    """Design gains for a model, step by step; or check gains. Exit status 1 if a specification cannot be
-    met
+    """Design gains for a model, step by step; or check gains. `holds` is False if a specification cannot
+    be met.
 
     model: Model file.
     specs: Specifications.
     out: Gains file to write.
+    campaign: Campaign to fly with the gains before they are written: scenarios and what is not known;
+        its model and gains are those of the design.
+    allow: Most losses allowed, percent of the draws: "allow 0.1" asks for fewer than 1 in 1,000, by the
+        upper end of the 95 % interval in every scenario.
     accept_unidentified: Design for a model although its flights do not determine it; the gains are as
         wrong as the model.
     force: Overwrite existing output files.
@@ -521,6 +526,8 @@ def design(
         "model": ("model", model),
         "specs": ("specs", specs),
         "out": ("out", out),
+        "campaign": ("campaign", campaign),
+        "allow": ("allow", allow),
         "accept_unidentified": ("accept-unidentified", accept_unidentified),
         "force": ("force", force),
     }
@@ -538,8 +545,8 @@ def design_check(
     html: Path | None = None,
     force: bool = False,
 ) -> Result:
-    """Check gains on a model: margins, poles, responses, worst cases. Exit status 1 if a loop is unstable,
-    also at another battery voltage or in one of the random draws of the model
+    """Check gains on a model: margins, poles, responses, worst cases. `holds` is False if a loop is
+    unstable, also at another battery voltage or in one of the random draws of the model.
 
     model: Model file.
     gains: Gains file.
@@ -574,8 +581,8 @@ def design_report(
     force: bool = False,
 ) -> Result:
     """Chapter 5 of the thesis on one page: every figure as computed here, with its numbers beside those of
-    the thesis. Exit status 1 if a loop is unstable as it flies, or if a number that the thesis prints
-    of its own vehicle is not reproduced
+    the thesis. `holds` is False if a loop is unstable as it flies, or if a number that the thesis
+    prints of its own vehicle is not reproduced.
 
     model: Model file; the thesis' vehicle if not given.
     gains: Gains file; the thesis' gains if not given.
@@ -604,7 +611,7 @@ def campaign_plan(
     shards: int | None = None,
     force: bool = False,
 ) -> Result:
-    """Make a plan of a definition: one file with everything that its flights need
+    """Make a plan of a definition: one file with everything that its flights need.
 
     definition: Definition (TOML), for example: campaign.toml.
     out: Plan file to write.
@@ -626,7 +633,7 @@ def campaign_run(
     out: Path,
     shard: int | None = None,
 ) -> Result:
-    """Fly a plan, or one shard of it; what was flown before is not flown again
+    """Fly a plan, or one shard of it; what was flown before is not flown again.
 
     plan: Plan file.
     out: Folder for the parts.
@@ -645,7 +652,7 @@ def campaign_merge(
     *,
     parts: Path,
 ) -> Result:
-    """Join the parts of a plan into one Parquet file: a row for each flight
+    """Join the parts of a plan into one Parquet file: a row for each flight.
 
     plan: Plan file.
     parts: Folder with the parts; cases.parquet is written there.
@@ -665,8 +672,8 @@ def campaign_report(
     html: Path | None = None,
     force: bool = False,
 ) -> Result:
-    """Report how often the craft was lost, which gains are safer, and what drives it. Exit status 1 if it
-    was lost more often than --allow says
+    """Report how often the craft was lost, which gains are safer, and what drives it. `holds` is False if
+    it was lost more often than allow says.
 
     plan: Plan file.
     parts: Folder with the parts.
@@ -693,7 +700,7 @@ def campaign_replay(
     out: Path | None = None,
     force: bool = False,
 ) -> Result:
-    """Fly one case of a plan again, to look at it
+    """Fly one case of a plan again, to look at it.
 
     plan: Plan file.
     case: Number of the case.
@@ -715,7 +722,7 @@ def campaign_why(
     plan: Path,
     case: int,
 ) -> Result:
-    """Find the fewest conditions that lost the craft in a case: all others can be nominal
+    """Find the fewest conditions that lost the craft in a case: all others can be nominal.
 
     plan: Plan file.
     case: Number of the case.
@@ -727,12 +734,45 @@ def campaign_why(
     return run(["campaign", "why"], options, has_json=True, makes_model=False)
 
 
+def campaign_search(
+    plan: Path,
+    *,
+    gains: str | None = None,
+    scenario: str | None = None,
+    flights: int | None = None,
+    seed: int | None = None,
+    html: Path | None = None,
+    force: bool = False,
+) -> Result:
+    """Search what is not known for what loses the craft, beside as many draws. `holds` is False if a loss
+    is found.
+
+    plan: Plan file.
+    gains: Gains to try [default: the first of the plan].
+    scenario: Scenario to fly [default: the first of the plan].
+    flights: Flights of the search, and as many that are drawn.
+    seed: Seed of the search.
+    html: Page to write.
+    force: Overwrite existing output files.
+    """
+    options = {
+        "plan": (None, plan),
+        "gains": ("gains", gains),
+        "scenario": ("scenario", scenario),
+        "flights": ("flights", flights),
+        "seed": ("seed", seed),
+        "html": ("html", html),
+        "force": ("force", force),
+    }
+    return run(["campaign", "search"], options, has_json=True, makes_model=False)
+
+
 def motor_map(
     *,
     vehicle: Path,
     craft: Flights,
     rotor: Flights,
-    motor: Path | None = None,
+    motor: int | None = None,
     without_voltage: bool = False,
     out: Path | None = None,
     html: Path | None = None,
@@ -770,7 +810,7 @@ def excite(
     *,
     model: Model | Path,
     gains: Path | None = None,
-    path: Path | None = None,
+    path: str | None = None,
     signal: Literal["thesis", "multisine", "linear-sweep", "log-sweep", "none"] | None = None,
     amplitude: float | None = None,
     band: float | Sequence[float] | None = None,
@@ -785,7 +825,7 @@ def excite(
 
     The current model flies the pattern in simulation. The Fisher information of that flight, for
     residuals coloured like those of real fits, gives the standard error of each coefficient and shows
-    which effects of the catalogue would stay unseen. Exit status 1 if the craft cannot fly it.
+    which effects of the catalogue would stay unseen. `holds` is False if the craft cannot fly it.
 
     model: Model file: what is known so far.
     gains: Gains file of the controller that will fly it [default: gains designed for the model].
@@ -823,8 +863,8 @@ def plan(
     *,
     model: Model | Path,
     gains: Path | None = None,
-    separate: Path | Sequence[Path] | None = None,
-    shrink: Path | None = None,
+    separate: str | Sequence[str] | None = None,
+    shrink: str | None = None,
     duration: float | None = None,
     seed: int | None = None,
     out: Path | None = None,
@@ -833,7 +873,7 @@ def plan(
     """Say what to fly next: the flight that best tells two effects apart or shrinks a standard error.
 
     The current model flies a library of manoeuvres in simulation; they are ranked by the information
-    that they would give. Exit status 1 if none gives enough.
+    that they would give. `holds` is False if none gives enough.
 
     model: Model file: what is known so far.
     gains: Gains file of the controller that will fly it [default: gains designed for the model].

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path as _Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +22,8 @@ class Flight(Mapping[str, np.ndarray]):
     """A flight: a NumPy array of 64-bit numbers for each column of the flight file, NaN where a value is missing.
 
     Units are SI, axes north-east-down and forward-right-down: `t`, `x`, `y`, `z`, `phi`, `theta`, `psi`, `p`, `q`, `r`,
-    `cmd1` to `cmd4`, `vbat`, and what else was logged. pandas, polars and pyarrow read it without copies through
-    `to_pandas`, `to_polars` and the Arrow C stream.
+    `cmd1` to `cmd4`, `vbat`, and what else was logged. `to_pandas()` and the Arrow C stream (pyarrow) are on the same
+    memory: what is written there changes the flight. `to_polars()` copies.
     """
 
     def __init__(self, columns: Mapping[str, Any], name: str = "flight.csv"):
@@ -40,6 +40,18 @@ class Flight(Mapping[str, np.ndarray]):
 
     def __len__(self) -> int:
         return len(self.columns)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Flight) or list(self) != list(other):
+            return False
+        return all(np.array_equal(self[column], other[column], equal_nan=True) for column in self)
+
+    __hash__ = object.__hash__
+
+    def between(self, from_s: float, to_s: float) -> Flight:
+        """The part of the flight between two times, both included."""
+        kept = (self["t"] >= from_s) & (self["t"] <= to_s)
+        return Flight({column: values[kept] for column, values in self.columns.items()}, self.name)
 
     @property
     def rows(self) -> int:
@@ -79,8 +91,8 @@ class Flight(Mapping[str, np.ndarray]):
 
         return pyarrow.table(self.columns).__arrow_c_stream__(requested_schema)
 
-    def plot(self, columns: list[str] | None = None) -> Any:
-        """Draws columns over time with matplotlib; see `quadlab.plot`."""
+    def plot(self, columns: str | list[str] | None = None) -> Any:
+        """Draws columns over time with matplotlib; see `quadlab.plot.flight`."""
         from quadlab import plot
 
         return plot.flight(self, columns)
@@ -113,8 +125,11 @@ def simulate(
     delay_samples: int = 2,
     noise: float = 1.0,
     gusts: tuple[float, float] | None = None,
+    wind_m_s: tuple[float, float] | None = None,
+    motor_faults: Sequence[tuple[int, str, float, float]] = (),
     excitation: bool = True,
     seed: int = 0,
+    name: str | None = None,
 ) -> Flight:
     """Flies a model under its gains, as software in the loop, and records the flight.
 
@@ -123,13 +138,20 @@ def simulate(
     delay_samples: age of the poses that the law gets.
     noise: of the sensors, 1 as in the thesis' laboratory, 0 for none.
     gusts: standard deviation (m/s) and correlation time (s) of the wind on each axis.
+    wind_m_s: steady wind, north and east.
+    motor_faults: motor from 1, "dead", "weak" or "stuck", since when (s), and by how many command units where weak.
     excitation: steps on the motor commands, for identification.
+    name: of the flight; by model and seed without.
     """
+    for waypoint in waypoints or []:
+        if len(waypoint) != 5:
+            raise _quadlab.QuadlabError(f"waypoints: {waypoint} is not time, north, east, down, yaw")
     with Files() as files:
         wanted = {
             "model": files.model(model), "gains": gains, "waypoints": waypoints, "duration_s": duration_s,
+            "wind_m_s": wind_m_s, "motor_faults": list(motor_faults),
             "start_m": start_m, "delay_samples": delay_samples, "noise": noise, "gusts": gusts,
             "excitation": excitation, "seed": seed,
         }
-        name, columns = _quadlab.simulate(wanted)
-    return Flight(columns, name)
+        own_name, columns = _quadlab.simulate(wanted)
+    return Flight(columns, name or f"{_Path(own_name).stem}-{seed}.csv")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
+import re
 import tempfile
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as _Path
 from typing import TYPE_CHECKING, Any, Union
@@ -18,10 +20,12 @@ if TYPE_CHECKING:
 
     from quadlab.flight import Flight
 
+_logger = logging.getLogger("quadlab")
+
 Path = Union[str, "os.PathLike[str]"]
 """Name of a file or folder."""
-Flights = Union[Path, "Flight", Sequence[Union[Path, "Flight"]]]
-"""Flight files, logs of other programs, folders of them, or flights in memory."""
+Flights = Union[Path, "Flight", "pandas.DataFrame", Iterable[Union[Path, "Flight", "pandas.DataFrame"]]]
+"""Flight files, logs of other programs, folders of them, or flights and tables in memory."""
 
 
 class Model:
@@ -31,6 +35,7 @@ class Model:
     """
 
     def __init__(self, path: Path):
+        _quadlab.check_model(os.fspath(path))
         self.text = _Path(path).read_text()
 
     @classmethod
@@ -52,11 +57,26 @@ class Model:
     def predict(self, flight: Path | Flight) -> dict[str, Any]:
         """Measured and predicted accelerations of a flight, as NumPy arrays.
 
-        `t` (s); `u`, `v`, `w` (m/s^2, body axes forward, right, down, without gravity) and `p`, `q`, `r` (rad/s^2) as
-        measured; the same with `_predicted`. The rows are those that the model is fitted on.
+        `t` (s); `u`, `v`, `w` (m/s^2, specific force along the body axes forward, right, down) and `p`, `q`, `r`
+        (rad/s^2) as measured; the same with `_predicted`. There are rows where the model is fitted, fewer than the flight
+        has: match them by `t`.
         """
         with Files() as files:
-            return _quadlab.residuals(files.model(self), files.flights(flight)[0])
+            names = files.flights(flight)
+            if len(names) != 1:
+                raise _quadlab.QuadlabError(f"predict: takes one flight, and {len(names)} are given; call it for each")
+            return _quadlab.residuals(files.model(self), names[0])
+
+    def frame(self) -> pandas.DataFrame:
+        """Its coefficients with their standard errors and units, as a pandas DataFrame."""
+        import pandas
+
+        rows = [
+            {"effect": effect["id"], **coefficient}
+            for effect in self.document.get("effect", [])
+            for coefficient in effect.get("coefficient", [])
+        ]
+        return pandas.DataFrame(rows).reindex(columns=["effect", "name", "value", "std_error", "unit"])
 
     @property
     def effects(self) -> list[str]:
@@ -74,7 +94,7 @@ class Result:
     document: Any
     """The document that the command prints with `--json`; its text where it has none."""
     holds: bool = True
-    """Whether what the command checks holds."""
+    """False where the program would end with exit status 1: a check or a requirement does not hold."""
     refused: list[str] = field(default_factory=list)
     """Why inputs were refused while the job was done with the others."""
     model: Model | None = None
@@ -82,6 +102,18 @@ class Result:
 
     def __getitem__(self, key: str) -> Any:
         return self.document[key]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.document)
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.document
+
+    def __repr__(self) -> str:
+        told = ", ".join(self.keys()) if isinstance(self.document, Mapping) else str(self.document).strip()
+        holds = "" if self.holds else ", holds=False"
+        model = "" if self.model is None else f", model={self.model!r}"
+        return f"Result({told}{holds}{model})"
 
     def keys(self) -> list[str]:
         """What the document has."""
@@ -92,9 +124,11 @@ class Result:
         import pandas
 
         table = self.document[key]
-        if isinstance(table, Mapping):
+        if isinstance(table, Mapping) and all(isinstance(row, Mapping) for row in table.values()):
             return pandas.DataFrame.from_dict(dict(table), orient="index")
-        return pandas.json_normalize(table)
+        if isinstance(table, list) and all(isinstance(row, Mapping) for row in table):
+            return pandas.json_normalize(table)
+        raise _quadlab.QuadlabError(f"{key}: is no table; take result[{key!r}]")
 
 
 class Files:
@@ -127,11 +161,14 @@ class Files:
         """The files of flights."""
         from quadlab.flight import Flight
 
-        if isinstance(flights, (str, os.PathLike, Flight)):
-            flights = [flights]
-        return [self._flight(flight) if isinstance(flight, Flight) else os.fspath(flight) for flight in flights]
+        if isinstance(flights, (str, os.PathLike, Flight)) or _is_table(flights):
+            flights = [flights]  # type: ignore[list-item]
+        return [self._flight(flight) if not isinstance(flight, (str, os.PathLike)) else os.fspath(flight) for flight in flights]
 
-    def _flight(self, flight: Flight) -> str:
+    def _flight(self, flight: Any) -> str:
+        from quadlab.flight import Flight
+
+        flight = flight if isinstance(flight, Flight) else Flight(flight)
         path = self.new(_Path(flight.name).name or "flight.csv")
         flight.save(path)
         return str(path)
@@ -140,15 +177,24 @@ class Files:
         """A value of an option as words."""
         from quadlab.flight import Flight
 
-        if isinstance(value, Flight):
+        if isinstance(value, Flight) or _is_table(value):
             return self.flights(value)
         if isinstance(value, (str, os.PathLike)):
             return [os.fspath(value)]
         if isinstance(value, Model):
             return [self.model(value)]
-        if isinstance(value, Sequence):
+        if isinstance(value, Iterable):
             return [word for one in value for word in self.words(one)]
         return [str(value)]
+
+    def without_folder(self, sentence: str) -> str:
+        """A sentence about files that the user never saw, by their own names."""
+        return re.sub(re.escape(self._folder.name) + r"/\d+/", "", sentence)
+
+
+def _is_table(value: Any) -> bool:
+    """Whether a value is a table of pandas or polars."""
+    return hasattr(value, "columns") and hasattr(value, "__getitem__")
 
 
 def run(words: list[str], options: Mapping[str, tuple[str | None, Any]], *, has_json: bool, makes_model: bool) -> Result:
@@ -170,7 +216,12 @@ def run(words: list[str], options: Mapping[str, tuple[str | None, Any]], *, has_
         words += ["--json"] if has_json else []
         # A name that begins with a hyphen is no option.
         words += ["--", *trailing] if trailing else []
-        text, holds, refused = _quadlab.run(words)
+        try:
+            text, holds, refused = _quadlab.run(words)
+        except _quadlab.QuadlabError as told:
+            raise _quadlab.QuadlabError(files.without_folder(str(told))) from None
+        if not holds:
+            _logger.warning("%s: a check or a requirement does not hold: holds is False in the result", " ".join(words[:2]))
         document = json.loads(text) if has_json and text.strip() else text
         model = Model(out) if out is not None and out.exists() else None
         return Result(document, holds, refused, model)

@@ -13,14 +13,14 @@ use report::significant;
 
 use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::progress;
-use crate::commands::campaign_submit;
+use crate::commands::{campaign_search, campaign_submit};
 use crate::render;
 
 /// Fly thousands of simulated flights over all uncertain quantities: how often is the craft lost with
 /// these gains, which gains are safer, and what drives the losses?
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  quadlab campaign plan campaign.toml --out plan.json\n  quadlab campaign run plan.json --out parts\n  quadlab campaign report plan.json --parts parts --html campaign.html\n  quadlab campaign replay plan.json 17 --html case.html\n  quadlab campaign why plan.json 17\n\nOn a cluster, each task flies one shard:\n  quadlab campaign submit plan.json --out parts --engine slurm\n  quadlab campaign run plan.json --out parts --shard 3\n\nA definition:\n  name = \"mine\"\n  seed = 1\n  draws = 1000\n  scenarios = [\"tour\", \"x-1\"]\n  model = \"model.toml\"        # default: the thesis' craft\n  [gains]\n  mine = \"gains.toml\"\n  [unknown]\n  coefficients = true         # drawn from the model's covariance\n  mass_kg = [-0.1, 0.1]       # more than the model's; a range, or\n  wind_m_s = { mean = 0.0, deviation = 0.5 }\n  gust_m_s = [0.0, 0.5]\n  fault = 0.2                 # share of draws with a fault"
+    after_help = "Examples:\n  quadlab campaign plan campaign.toml --out plan.json\n  quadlab campaign run plan.json --out parts\n  quadlab campaign report plan.json --parts parts --html campaign.html\n  quadlab campaign replay plan.json 17 --html case.html\n  quadlab campaign why plan.json 17\n  quadlab campaign search plan.json --gains mine\n\nOn a cluster, each task flies one shard:\n  quadlab campaign submit plan.json --out parts --engine slurm\n  quadlab campaign run plan.json --out parts --shard 3\n\nA definition:\n  name = \"mine\"\n  seed = 1\n  draws = 1000\n  scenarios = [\"tour\", \"x-1\"]\n  model = \"model.toml\"        # default: the thesis' craft\n  [gains]\n  mine = \"gains.toml\"\n  [unknown]\n  coefficients = true         # drawn from the model's covariance\n  mass_kg = [-0.1, 0.1]       # more than the model's; a range, or\n  wind_m_s = { mean = 0.0, deviation = 0.5 }\n  gust_m_s = [0.0, 0.5]\n  fault = 0.2                 # share of draws with a fault"
 )]
 pub(crate) struct Options {
     #[command(subcommand)]
@@ -36,6 +36,7 @@ enum Command {
     Report(ReportOptions),
     Replay(ReplayOptions),
     Why(WhyOptions),
+    Search(campaign_search::Options),
 }
 
 /// Make a plan of a definition: one file with everything that its flights need
@@ -157,6 +158,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         Command::Report(options) => tell(options),
         Command::Replay(options) => replay(options),
         Command::Why(options) => why(options),
+        Command::Search(options) => campaign_search::run(options),
     }
 }
 
@@ -277,7 +279,7 @@ fn tell(options: &ReportOptions) -> anyhow::Result<Outcome> {
 }
 
 /// A limit that so many draws can show at all.
-fn check_allowed(percent: f64, draws: u64) -> anyhow::Result<()> {
+pub(crate) fn check_allowed(percent: f64, draws: u64) -> anyhow::Result<()> {
     if !(percent > 0.0 && percent <= 100.0) {
         anyhow::bail!("--allow {percent}: give a percentage of draws, above 0 and at most 100");
     }

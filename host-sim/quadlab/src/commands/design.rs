@@ -13,6 +13,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::output::{Outcome, OutputOptions};
+use crate::commands::design_losses::{self, LossOptions, Losses};
 use crate::commands::{design_check, design_report};
 use diagnosis::workflow::sha256;
 
@@ -39,6 +40,9 @@ pub(crate) struct Options {
     /// Gains file to write, for example: --out gains.toml
     #[arg(long, value_name = "TOML", required = true)]
     out: Option<PathBuf>,
+
+    #[command(flatten)]
+    losses: LossOptions,
 
     /// Design for a model although its flights do not determine it; the gains are as wrong as the model
     #[arg(long)]
@@ -71,6 +75,9 @@ pub(crate) struct Document<'a> {
     steps: &'a [Step],
     shortfalls: &'a [Shortfall],
     loops: &'a [design::check::LoopReport],
+    /// How often the craft was lost with these gains, in any scenario and in each; absent where that was not asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    losses: Option<&'a [campaign::Rate]>,
     gains: Option<String>,
 }
 
@@ -85,7 +92,8 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outcome> {
-    let inputs: Vec<&PathBuf> = std::iter::once(path).chain(&options.specs).collect();
+    let inputs: Vec<&PathBuf> =
+        std::iter::once(path).chain(&options.specs).chain(&options.losses.campaign).collect();
     options.output.check([out], &inputs)?;
     let model = Model::read_to_linearize(path)?;
     // Loops of attitude and yaw stand on the rotation, those of height and position on the translation: both are needed.
@@ -107,7 +115,8 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
         designed => designed?,
     };
     let report = check(&model, &designed.config, &CheckOptions { view: specs.view(), samples: 0, seed: 0 })?;
-    let holds = designed.shortfalls.is_empty();
+    let mut losses = None;
+    let mut holds = designed.shortfalls.is_empty();
     if holds {
         let provenance = Provenance {
             vehicle: model.vehicle.name.clone(),
@@ -117,8 +126,12 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
             specs: Some(toml::Table::try_from(specs)?),
             margins: Some(margins(&report)),
         };
-        let gains = Gains { config: designed.config, provenance: Some(provenance) };
-        report::write_atomic(out, gains.to_toml())?;
+        let gains = Gains { config: designed.config, provenance: Some(provenance) }.to_toml();
+        losses = design_losses::fly(&options.losses, path, &gains, options.output.json)?;
+        holds = losses.as_ref().is_none_or(Losses::hold);
+        if holds {
+            report::write_atomic(out, gains)?;
+        }
     }
     let written = holds.then(|| out.display().to_string());
     let outcome = if options.output.json {
@@ -127,10 +140,12 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
             steps: &designed.steps,
             shortfalls: &designed.shortfalls,
             loops: &report.loops,
+            losses: losses.as_ref().map(|losses| &losses.rates[..]),
             gains: written,
         })?
     } else {
-        Outcome::done(text(&designed, &report, written.as_deref()))
+        let told = losses.as_ref().map(Losses::text).unwrap_or_default();
+        Outcome::done(text(&designed, &report, &told, written.as_deref()))
     };
     Ok(Outcome { holds, ..outcome })
 }
@@ -139,7 +154,14 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
 fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Result<Outcome> {
     let shortfalls = std::slice::from_ref(shortfall);
     let outcome = match options.output.json {
-        true => Outcome::json(&Document { method, steps: &[], shortfalls, loops: &[], gains: None })?,
+        true => Outcome::json(&Document {
+            method,
+            steps: &[],
+            shortfalls,
+            loops: &[],
+            losses: None,
+            gains: None,
+        })?,
         false => Outcome::done(not_met(shortfalls)),
     };
     Ok(Outcome { holds: false, ..outcome })
@@ -183,7 +205,7 @@ fn margins(report: &CheckReport) -> toml::Table {
     report.loops.iter().map(row).collect()
 }
 
-fn text(designed: &Designed, report: &CheckReport, written: Option<&str>) -> String {
+fn text(designed: &Designed, report: &CheckReport, losses: &str, written: Option<&str>) -> String {
     let mut text = String::new();
     for step in &designed.steps {
         let _ = writeln!(
@@ -208,14 +230,18 @@ fn text(designed: &Designed, report: &CheckReport, written: Option<&str>) -> Str
             number(l.delay_margin_s.map(|s| 1000.0 * s))
         );
     }
+    if !losses.is_empty() {
+        let _ = write!(text, "\n{losses}");
+    }
     match written {
         Some(path) => {
             let _ = writeln!(text, "\ngains: {path}");
         }
-        None => {
+        None if !designed.shortfalls.is_empty() => {
             text.push('\n');
             text.push_str(&not_met(&designed.shortfalls));
         }
+        None => {}
     }
     text
 }

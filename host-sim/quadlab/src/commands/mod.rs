@@ -2,11 +2,13 @@
 
 pub(crate) mod add;
 pub(crate) mod campaign;
+pub(crate) mod campaign_search;
 pub(crate) mod campaign_submit;
 pub(crate) mod compare;
 pub(crate) mod demo;
 pub(crate) mod design;
 pub(crate) mod design_check;
+pub(crate) mod design_losses;
 pub(crate) mod design_report;
 pub(crate) mod diagnose;
 pub(crate) mod discover;

@@ -29,7 +29,7 @@ pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// File name, command and schema of each document.
-fn schemas() -> [(&'static str, &'static str, Schema); 21] {
+fn schemas() -> [(&'static str, &'static str, Schema); 22] {
     [
         ("import", "import", of::<import::Document>()),
         ("identify", "identify", of::<WithFaults<identify::Document>>()),
@@ -52,6 +52,7 @@ fn schemas() -> [(&'static str, &'static str, Schema); 21] {
         ("plan", "plan", of::<plan::Document>()),
         ("campaign", "campaign report", of::<campaign::Summary>()),
         ("campaign-why", "campaign why", of::<campaign::Causes>()),
+        ("campaign-search", "campaign search", of::<campaign::Found>()),
     ]
 }
 

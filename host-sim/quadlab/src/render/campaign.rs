@@ -2,9 +2,9 @@
 
 use std::fmt::Write as _;
 
-use campaign::{FaultRate, Pair, Plan, Rate, Summary, Worst};
+use campaign::{Driver, FaultRate, Found, Group, Pair, Plan, Rate, Summary, Worst};
 use report::number::p_value;
-use report::{Page, Section, significant};
+use report::{Axis, Figure, Mark, Page, Section, Series, Style, significant};
 
 use crate::render::grid::{Grid, number, paragraph, text};
 
@@ -12,6 +12,8 @@ use crate::render::grid::{Grid, number, paragraph, text};
 const REASONS: usize = 5;
 /// Drivers that are named for each gains.
 const DRIVERS: usize = 6;
+/// Drivers with a picture for each gains.
+const PICTURES: usize = 3;
 /// Chance below which a driver is named.
 const SIGNIFICANT: f64 = 0.01;
 
@@ -34,7 +36,34 @@ pub(crate) fn to_text(summary: &Summary, plan_file: &str) -> String {
 pub(crate) fn page(summary: &Summary) -> Page {
     let section =
         grids(summary).iter().fold(Section::new("Outcome"), |section, grid| section.table(grid.to_table()));
-    Page::new(format!("Campaign: {}", summary.campaign), conclusion(summary)).section(section)
+    let page = Page::new(format!("Campaign: {}", summary.campaign), conclusion(summary)).section(section);
+    let drivers = summary.drivers.iter().flat_map(|(gains, drivers)| {
+        drivers
+            .iter()
+            .filter(|driver| driver.p_value < SIGNIFICANT)
+            .take(PICTURES)
+            .map(move |driver| (gains, driver))
+    });
+    let section = drivers.fold(Section::new("Where the craft is lost"), |section, (gains, driver)| {
+        section.figure(
+            lost_over(gains, driver),
+            "Share of the draws lost, and its 95 % interval, in groups of equal size.",
+        )
+    });
+    page.section(section)
+}
+
+/// The share of the draws lost over one of the numbers that were drawn.
+fn lost_over(gains: &str, driver: &Driver) -> Figure {
+    let step = |of: fn(&Group) -> f64| {
+        let ends = driver.groups.iter().flat_map(|group| group.range.map(|end| (end, of(group))));
+        ends.collect::<Vec<_>>()
+    };
+    let title = format!("{gains}: losses over {}", driver.input);
+    Figure::new(title, Axis::new(driver.input.as_str(), ""), Axis::new("draws lost", "%"))
+        .with(Series::line("lost", Style::PredictedAfter, step(|group| group.lost_percent)))
+        .with(Series::line("lower end", Style::Muted, step(|group| group.interval_percent[0])))
+        .with(Series::line("upper end", Style::Muted, step(|group| group.interval_percent[1])))
 }
 
 /// "1 shard", "7 shards".
@@ -216,6 +245,35 @@ fn worst(summary: &Summary) -> Grid {
         }
     }
     grid
+}
+
+/// What a search found.
+pub(crate) fn search_page(found: &Found, sentence: &str) -> Page {
+    let points =
+        |all: &[f64]| all.iter().enumerate().map(|(k, worst)| ((k + 1) as f64, -worst)).collect::<Vec<_>>();
+    let figure = Figure::new("The worst flight so far", Axis::new("flights", ""), Axis::new("how bad", ""))
+        .with(Series::line("search", Style::PredictedAfter, points(&found.searched)))
+        .with(Series::line("drawn", Style::Measured, points(&found.sampled)))
+        .mark(Mark::limit("lost", 1.0));
+    let mut worst = Grid::new(
+        "The worst flight",
+        [text("name"), number("value", ""), number("nominal", ""), text("needed")],
+    );
+    for one in &found.worst {
+        let is_needed =
+            found.causes.as_ref().is_some_and(|causes| causes.needed.iter().any(|own| own.name == one.name));
+        let needed = if is_needed { "yes" } else { "no" };
+        worst.push([
+            one.name.clone(),
+            significant(one.value, 4),
+            significant(one.usual, 4),
+            needed.to_owned(),
+        ]);
+    }
+    let caption = "From 1 on the craft is lost, the higher the earlier; below, half the greatest tilt over 90 deg and half the error of \
+                   height in m.";
+    let section = Section::new("Search").figure(figure, caption).table(worst.to_table());
+    Page::new(format!("The worst of {} under {}", found.scenario, found.gains), sentence).section(section)
 }
 
 /// A case that was flown again, with its page.
