@@ -11,7 +11,7 @@ use crate::case::{FLYING, SEPARATOR};
 use crate::drivers::{Driver, drivers};
 use crate::part::INPUT;
 use crate::plan::{Campaign, Plan};
-use crate::statistics::{exact_interval, mcnemar_p_value};
+use crate::statistics::{Interval, exact_interval, mcnemar_p_value, paired_interval};
 use crate::table::Table;
 
 /// Worst cases that are named for each gains.
@@ -92,6 +92,10 @@ pub struct Pair {
     pub both: u64,
     /// Chance of such a difference between gains that lose the craft equally often (McNemar's exact test), times the number of pairs.
     pub p_value: f64,
+    /// By how much more often the first loses the craft than the second, percent of the draws.
+    pub difference_percent: f64,
+    /// Its 95 % score interval.
+    pub difference_interval_percent: [f64; 2],
 }
 
 /// Losses of draws with a fault.
@@ -267,7 +271,20 @@ impl Columns<'_> {
         }
         let [first, second] = [first, second].map(|gains| self.campaign.gains[gains].name.clone());
         let p_value = (mcnemar_p_value(only_first, only_second) * pairs as f64).min(1.0);
-        Pair { first, second, only_first, only_second, both, p_value }
+        let count = self.draws.len() as u64;
+        let Interval { low, high } = paired_interval(only_first, only_second, count);
+        let difference_percent = 100.0 * (only_first as f64 - only_second as f64) / (count as f64).max(1.0);
+        let difference_interval_percent = [low, high].map(|end| 100.0 * end);
+        Pair {
+            first,
+            second,
+            only_first,
+            only_second,
+            both,
+            p_value,
+            difference_percent,
+            difference_interval_percent,
+        }
     }
 
     fn faults(&self, gains: usize) -> Vec<FaultRate> {

@@ -109,7 +109,7 @@ pub(crate) const PEERS: Tool = Tool {
     version: &[
         "target/peers/bin/python",
         "-c",
-        "import control, gymnasium, ipykernel, matplotlib, maturin, mujoco, mypy, nbclient, pandas, polars, pyarrow, pytest, rotorpy; \
+        "import control, gymnasium, hyperqueue, ipykernel, matplotlib, maturin, mujoco, mypy, nbclient, pandas, polars, pyarrow, pytest, rotorpy; \
          print(mujoco.__version__, control.__version__, pandas.__version__)",
     ],
     install: "python3 tests/peers/tools/install.py target/peers",

@@ -106,14 +106,21 @@ fn conclusion(summary: &Summary) -> String {
 
 fn told(pair: &Pair) -> String {
     let Pair { first, second, only_first, only_second, p_value: p, .. } = pair;
-    let (better, worse) = if only_first < only_second { (first, second) } else { (second, first) };
+    let is_first_better = only_first < only_second;
+    let (better, worse) = if is_first_better { (first, second) } else { (second, first) };
     let counts =
         format!("{only_first} draws were lost with {first} alone and {only_second} with {second} alone");
+    let mut ends = pair.difference_interval_percent.map(|end| if is_first_better { -end } else { end });
+    ends.sort_by(f64::total_cmp);
+    let [low, high] = ends.map(|end| significant(end, 2));
+    let difference = significant(pair.difference_percent.abs(), 2);
+    let interval =
+        format!("{worse} loses it in {difference} % more of the draws (95 % interval {low} to {high} %)");
     if *p < SIGNIFICANT {
-        format!("{better} is safer than {worse}: {counts} (p {}).", p_value(*p))
+        format!("{better} is safer than {worse}: {counts} (p {}); {interval}.", p_value(*p))
     } else {
         format!(
-            "No difference between {first} and {second} is shown at the 1 % level: {counts} (p {}).",
+            "No difference between {first} and {second} is shown at the 1 % level: {counts} (p {}); {interval}.",
             p_value(*p)
         )
     }
