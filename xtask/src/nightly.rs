@@ -13,7 +13,7 @@ use anyhow::{Context, Result, anyhow};
 use crate::arm::{self, Target};
 use crate::base::process::{Program, cargo, shown};
 use crate::base::tally::Tally;
-use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ, CARGO_MUTANTS, MIRI};
+use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ, CARGO_MUTANTS, MIRI, PEERS};
 use crate::base::workspace::{self, Workspace};
 use crate::step::{Outcome, Step, command_holds, harness, holds, one};
 use crate::supply;
@@ -93,6 +93,12 @@ pub(crate) const PARTS: &[Step] = &[
         run: forms,
     },
     Step {
+        name: "wheel",
+        about: "the Python package as a wheel, built by maturin and installed: it passes the package's tests",
+        tools: &[&PEERS],
+        run: wheel,
+    },
+    Step {
         name: "serial",
         about: "10 minutes of the microcontroller's program over serial lines in QEMU: no tick is missed",
         tools: &[],
@@ -132,6 +138,15 @@ fn fuzz_targets(_: &Workspace) -> Result<Outcome> {
         }
     }
     Ok(Outcome::Ran(side_by_side(runs, holds)?))
+}
+
+/// The tests of the Python package, on a wheel.
+fn wheel(_: &Workspace) -> Result<Outcome> {
+    // The program whose answers the package's are compared with is built with the workspace's tests.
+    let mut tests =
+        cargo(["test", "--workspace", "--tests", "--", "the_package_passes_its_own_tests", "--show-output"]);
+    tests.env("QUADLAB_WHEEL", "1");
+    Ok(Outcome::Ran(harness(tests)?))
 }
 
 /// The drill of the usual tests, for a minute and under the thesis' supervision.

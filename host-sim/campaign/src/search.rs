@@ -51,7 +51,7 @@ pub struct Found {
     pub flights: u64,
     /// Of them lost.
     pub lost: u64,
-    /// Of as many flights that were drawn, without faults, lost.
+    /// Of as many flights with drawn numbers and the same tour and noise, without faults, lost.
     pub sampled_lost: u64,
     /// How the worst flight was lost; absent where none was.
     pub lost_by: Option<String>,
@@ -150,8 +150,8 @@ impl Plan {
         let best = swarm(&trials, wanted).map_err(|why| CampaignError::content(path, why.to_string()))?;
         let worst = trials.at(&best);
         let flown = trials.fly(worst.clone())?;
-        let searched = trials.all.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let sampled = self.sampled(&ready, case, searched.len() as u64)?;
+        let searched = trials.all.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let sampled = self.sampled(&trials, searched.len() as u64)?;
         let causes = flown.lost.is_some().then(|| ready.causes(case, worst)).transpose()?.flatten();
         Ok(Found {
             gains: self.campaign.gains[case.gains].name.clone(),
@@ -188,11 +188,17 @@ impl Plan {
         self.case((scenario * campaign.gains.len() + gains) as u64)
     }
 
-    /// How bad as many draws are, without their faults.
-    fn sampled(&self, ready: &Ready<'_>, case: Case, flights: u64) -> Result<Vec<f64>, CampaignError> {
+    /// How bad as many draws of the same numbers are, in the same flight.
+    fn sampled(&self, trials: &Trials<'_>, flights: u64) -> Result<Vec<f64>, CampaignError> {
+        let Trials { ready, case, nominal, dimensions, .. } = *trials;
         let fly = |draw: u64| {
-            let drawn = self.drawn(draw, &ready.model).changed(|input| input.value, false, &ready.model);
-            Ok(badness(&ready.fly_as(Case { draw, ..case }, drawn)?.flown))
+            let own = self.drawn(draw, &ready.model);
+            let is_searched = |input: &Input| dimensions.iter().any(|dimension| dimension.name == input.name);
+            let value = |input: &Input| match own.value(&input.name) {
+                Some(value) if is_searched(input) => value,
+                _ => input.usual,
+            };
+            Ok(badness(&ready.fly_as(case, nominal.changed(value, false, &ready.model))?.flown))
         };
         (0..flights).into_par_iter().map(fly).collect()
     }

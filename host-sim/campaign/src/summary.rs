@@ -63,7 +63,7 @@ pub struct Rate {
     pub lost_interval_percent: [f64; 2],
     /// How the craft was lost, and in how many flights.
     pub lost_by: BTreeMap<String, u64>,
-    /// Flights that were not lost, of scenarios with requirements, and those of them that keep all of them.
+    /// Flights of scenarios with requirements, and those of them that keep all of them; one that is lost keeps none.
     pub judged: u64,
     /// See `judged`.
     pub requirements_hold: u64,
@@ -219,8 +219,9 @@ impl Columns<'_> {
         let interval = exact_interval(lost, draws);
         let (lost_flights, kept): (Vec<usize>, Vec<usize>) = flights.iter().partition(|row| self.lost[**row]);
         let requirements = self.table.text("requirements_hold").unwrap_or_default();
-        let held = |answer: &str| kept.iter().filter(|row| requirements[**row] == answer).count() as u64;
-        let [holds, fails] = ["yes", "no"].map(held);
+        let holds = kept.iter().filter(|row| requirements[**row] == "yes").count() as u64;
+        // A craft that is lost keeps no requirement.
+        let judged = flights.iter().filter(|row| !requirements[**row].is_empty()).count() as u64;
         let scenario = match scenarios {
             [only] => Some(self.campaign.scenarios[*only].clone()),
             _ => None,
@@ -235,7 +236,7 @@ impl Columns<'_> {
             lost_percent: 100.0 * lost as f64 / draws.max(1) as f64,
             lost_interval_percent: [100.0 * interval.low, 100.0 * interval.high],
             lost_by: counted(lost_flights.iter().map(|row| self.lost_by[*row].as_str())),
-            judged: holds + fails,
+            judged,
             requirements_hold: holds,
             overshoot_percent: self.spread("overshoot_percent", &kept),
             tilt_deg: self.spread("tilt_deg", &kept),

@@ -216,7 +216,7 @@ fn gains_are_designed_for_a_share_of_losses() {
     };
     let calm = design("calm.toml", "5", "calm-gains.toml");
     let told = String::from_utf8_lossy(&calm.stdout).into_owned() + &String::from_utf8_lossy(&calm.stderr);
-    assert!(calm.status.success() && told.contains("lost in tour: 0 of 80 draws"), "{told}");
+    assert!(calm.status.success() && told.contains("met: lost in tour: 0 of 80 draws"), "{told}");
     assert!(folder.path().join("calm-gains.toml").exists());
     let storm = design("storm.toml", "5", "storm-gains.toml");
     let told = String::from_utf8_lossy(&storm.stdout).into_owned() + &String::from_utf8_lossy(&storm.stderr);

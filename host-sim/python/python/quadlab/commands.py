@@ -722,7 +722,7 @@ def campaign_why(
     plan: Path,
     case: int,
 ) -> Result:
-    """Find the fewest conditions that lost the craft in a case: all others can be nominal.
+    """Find conditions that are all needed for the loss in a case: all others can be nominal.
 
     plan: Plan file.
     case: Number of the case.
@@ -744,8 +744,8 @@ def campaign_search(
     html: Path | None = None,
     force: bool = False,
 ) -> Result:
-    """Search what is not known for what loses the craft, beside as many draws. `holds` is False if a loss
-    is found.
+    """Search the uncertain ranges for a loss, and fly as many random draws for comparison. `holds` is
+    False if a loss is found.
 
     plan: Plan file.
     gains: Gains to try [default: the first of the plan].

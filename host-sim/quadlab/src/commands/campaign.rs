@@ -133,7 +133,7 @@ struct ReplayOptions {
     output: OutputOptions,
 }
 
-/// Find the fewest conditions that lost the craft in a case: all others can be nominal
+/// Find conditions that are all needed for the loss in a case: all others can be nominal
 #[derive(clap::Args)]
 struct WhyOptions {
     /// Plan file
@@ -254,7 +254,7 @@ fn tell(options: &ReportOptions) -> anyhow::Result<Outcome> {
         );
     };
     if let Some(path) = &options.html {
-        let page = render::campaign::page(&summary).provenance(provenance(&[&options.plan], []));
+        let page = render::campaign::page(&summary, &plan).provenance(provenance(&[&options.plan], []));
         report::write_atomic(path, page.render())?;
     }
     let is_beyond =
@@ -268,11 +268,22 @@ fn tell(options: &ReportOptions) -> anyhow::Result<Outcome> {
     for rate in beyond {
         writeln!(
             text,
-            "NOT ALLOWED: {} in {}: up to {} % lost (upper end of the 95 % interval), below {} % allowed",
+            "{}: {} in {}: up to {} % lost (upper end of the 95 % interval), below {} % allowed",
+            if rate.lost_interval_percent[0] >= options.allow.unwrap_or_default() {
+                "NOT ALLOWED"
+            } else {
+                "NOT SHOWN"
+            },
             rate.gains,
             render::campaign::scenario_of(rate),
             significant(rate.lost_interval_percent[1], 2),
             options.allow.unwrap_or_default()
+        )?;
+    }
+    if let (true, Some(allowed)) = (holds, options.allow) {
+        writeln!(
+            text,
+            "ALLOWED: below {allowed} % lost, by the upper end of the 95 % interval, for all gains in every scenario"
         )?;
     }
     Ok(Outcome { holds, ..Outcome::done(text) })
@@ -339,6 +350,13 @@ fn because(causes: &Causes) -> String {
     let why = match (needed.len(), fault) {
         (0, None) => "It is lost even with everything nominal.".to_owned(),
         (0, Some(fault)) => format!("Its fault alone loses it: {fault}."),
+        (1, None) if enough_percent.is_none() => {
+            format!(
+                "{} = {} alone loses it: all others can be nominal.",
+                needed[0].name,
+                short(needed[0].value)
+            )
+        }
         (count, fault) => {
             let numbers = if count == 1 {
                 "one number loses".to_owned()
@@ -347,7 +365,13 @@ fn because(causes: &Causes) -> String {
             };
             let fault = fault.as_ref().map(|fault| format!(", with its fault ({fault})")).unwrap_or_default();
             let enough = enough_percent
-                .map(|percent| format!(" {} % of what they depart by is enough.", significant(percent, 2)))
+                .filter(|percent| *percent < 99.0)
+                .map(|percent| {
+                    format!(
+                        " {} % of these deviations is enough (a delay stays as drawn).",
+                        significant(percent, 2)
+                    )
+                })
                 .unwrap_or_default();
             format!(
                 "Of all that was drawn, {numbers} it{fault}; without any one of these conditions the craft is kept, and all others can be nominal.{enough}"

@@ -9,7 +9,7 @@ use report::significant;
 use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::render;
 
-/// Search what is not known for what loses the craft, beside as many draws. Exit status 1 if a loss is found
+/// Search the uncertain ranges for a loss, and fly as many random draws for comparison. Exit status 1 if a loss is found
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Plan file
@@ -83,14 +83,15 @@ fn sentence(found: &Found) -> String {
     let (Some(why), Some(after_s)) = (lost_by, after_s) else {
         return format!(
             "The search found nothing that loses {scenario} under {gains}: the worst of {flights} flights tilts by {} deg. That does \
-             not show that there is nothing.",
+             not show that there is nothing. {counts}",
             significant(*tilt_deg, 3)
         );
     };
     let enough = causes.as_ref().map_or_else(String::new, |causes| {
         let share = causes
             .enough_percent
-            .map(|percent| format!(", {} % of what they depart by is enough", significant(percent, 2)));
+            .filter(|percent| *percent < 99.0)
+            .map(|percent| format!(", {} % of these deviations is enough", significant(percent, 2)));
         let needed = match causes.needed.len() {
             0 => "It is lost even with everything nominal".to_owned(),
             1 => "One number loses it".to_owned(),

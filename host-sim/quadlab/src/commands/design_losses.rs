@@ -28,6 +28,8 @@ pub(crate) struct LossOptions {
 /// What a campaign said of gains.
 pub(crate) struct Losses {
     pub(crate) rates: Vec<Rate>,
+    /// Draws that count nowhere: the craft cannot hover in them, whoever flies it.
+    impossible: u64,
     allowed_percent: f64,
 }
 
@@ -44,7 +46,7 @@ impl Losses {
             let holds = rate.lost_interval_percent[1] < self.allowed_percent;
             let [low, high] = rate.lost_interval_percent.map(|percent| significant(percent, 2));
             let verdict = match (holds, rate.lost_interval_percent[0] > self.allowed_percent) {
-                (true, _) => "",
+                (true, _) => "met: ",
                 (false, true) => "NOT MET: ",
                 (false, false) => "NOT SHOWN: ",
             };
@@ -55,6 +57,13 @@ impl Losses {
                 rate.lost,
                 rate.draws,
                 self.allowed_percent
+            );
+        }
+        if self.impossible > 0 {
+            let _ = writeln!(
+                text,
+                "{} further draws are left out: the craft cannot hover in them, whatever the gains",
+                self.impossible
             );
         }
         if !self.hold() {
@@ -92,6 +101,7 @@ pub(crate) fn fly(
     }
     progress.finish_and_clear();
     let (table, _) = merge(&plan, parts.path(), "quadlab design")?;
-    let rates = Summary::new(&plan, &table).map(|summary| summary.rates).unwrap_or_default();
-    Ok(Some(Losses { rates, allowed_percent }))
+    let summary = Summary::new(&plan, &table)
+        .ok_or_else(|| anyhow::anyhow!("{}: its flights cannot be summed up", path.display()))?;
+    Ok(Some(Losses { rates: summary.rates, impossible: summary.impossible, allowed_percent }))
 }

@@ -33,7 +33,7 @@ pub(crate) fn to_text(summary: &Summary, plan_file: &str) -> String {
 }
 
 /// For a browser.
-pub(crate) fn page(summary: &Summary) -> Page {
+pub(crate) fn page(summary: &Summary, plan: &Plan) -> Page {
     let section =
         grids(summary).iter().fold(Section::new("Outcome"), |section, grid| section.table(grid.to_table()));
     let page = Page::new(format!("Campaign: {}", summary.campaign), conclusion(summary)).section(section);
@@ -47,10 +47,35 @@ pub(crate) fn page(summary: &Summary) -> Page {
     let section = drivers.fold(Section::new("Where the craft is lost"), |section, (gains, driver)| {
         section.figure(
             lost_over(gains, driver),
-            "Share of the draws lost, and its 95 % interval, in groups of equal size.",
+            "Share of the draws lost, and its 95 % interval, in groups of about equal size.",
         )
     });
-    page.section(section)
+    page.section(section).section(conditions(plan))
+}
+
+/// What was flown, what was not known, and what counts as lost.
+fn conditions(plan: &Plan) -> Section {
+    let campaign = &plan.campaign;
+    let mut grid = Grid::new("What was not known", [text("name"), text("range, or mean and deviation")]);
+    let unknown = serde_json::to_value(&campaign.unknown).unwrap_or_default();
+    for (name, spread) in unknown.as_object().into_iter().flatten() {
+        let told = match (&spread["mean"], &spread["deviation"]) {
+            (serde_json::Value::Null, _) => spread.to_string(),
+            (mean, deviation) => format!("{mean} +- {deviation}"),
+        };
+        grid.push([name.clone(), told]);
+    }
+    let gains = campaign.gains.iter().map(|gains| gains.name.as_str()).collect::<Vec<_>>().join(", ");
+    let model = campaign.model.as_ref().map_or("the thesis' craft", |model| model.name.as_str());
+    Section::new("Conditions")
+        .paragraph(format!(
+            "{} draws of seed {} of {model}, in {} under {gains}. A draw is lost if in any of its scenarios the craft hit the floor at more \
+             than 1 m/s, left the cage, turned upside down, or had its motors cut or disarmed in the air.",
+            campaign.draws,
+            campaign.seed,
+            campaign.scenarios.join(", ")
+        ))
+        .table(grid.to_table())
 }
 
 /// The share of the draws lost over one of the numbers that were drawn.
@@ -114,9 +139,14 @@ fn told(pair: &Pair) -> String {
     ends.sort_by(f64::total_cmp);
     let [low, high] = ends.map(|end| significant(end, 2));
     let difference = significant(pair.difference_percent.abs(), 2);
-    let interval =
-        format!("{worse} loses it in {difference} % more of the draws (95 % interval {low} to {high} %)");
-    if *p < SIGNIFICANT {
+    let interval = format!(
+        "{worse} loses {difference} percentage points more of the draws (95 % interval {low} to {high})"
+    );
+    if only_first == only_second {
+        format!(
+            "{first} and {second} lose equally many draws: {counts}; the difference is within {low} to {high} percentage points (95 %)."
+        )
+    } else if *p < SIGNIFICANT {
         format!("{better} is safer than {worse}: {counts} (p {}); {interval}.", p_value(*p))
     } else {
         format!(
@@ -156,6 +186,8 @@ fn rates(summary: &Summary) -> Grid {
     for rate in &summary.rates {
         let [low, high] = rate.lost_interval_percent.map(|percent| significant(percent, 2));
         let kept = format!("{} of {}", rate.requirements_hold, rate.judged);
+        // Flights of several scenarios are not of one kind.
+        let is_one = rate.scenario.is_some() || summary.rates.iter().all(|rate| rate.scenario.is_none());
         grid.push([
             rate.gains.clone(),
             scenario_of(rate).to_owned(),
@@ -165,9 +197,9 @@ fn rates(summary: &Summary) -> Grid {
             significant(rate.lost_percent, 2),
             format!("{low} to {high}"),
             if rate.judged > 0 { kept } else { "-".into() },
-            spread(rate.overshoot_percent),
-            spread(rate.tilt_deg),
-            spread(rate.height_error_m),
+            spread(rate.overshoot_percent.filter(|_| is_one)),
+            spread(rate.tilt_deg.filter(|_| is_one)),
+            spread(rate.height_error_m.filter(|_| is_one)),
         ]);
     }
     grid
@@ -237,7 +269,7 @@ fn drivers(summary: &Summary) -> Grid {
 
 fn worst(summary: &Summary) -> Grid {
     let mut grid = Grid::new(
-        "Flights lost first",
+        "Earliest losses",
         [text("gains"), number("case", ""), text("scenario"), number("after", "s"), text("reason")],
     );
     for (gains, worst) in &summary.worst {
@@ -267,9 +299,11 @@ pub(crate) fn search_page(found: &Found, sentence: &str) -> Page {
         [text("name"), number("value", ""), number("nominal", ""), text("needed")],
     );
     for one in &found.worst {
-        let is_needed =
-            found.causes.as_ref().is_some_and(|causes| causes.needed.iter().any(|own| own.name == one.name));
-        let needed = if is_needed { "yes" } else { "no" };
+        let needed = match &found.causes {
+            None => "-",
+            Some(causes) if causes.needed.iter().any(|own| own.name == one.name) => "yes",
+            Some(_) => "no",
+        };
         worst.push([
             one.name.clone(),
             significant(one.value, 4),
