@@ -145,6 +145,13 @@ fn near(found: &[f64], expected: &[f64], most: f64, what: &str) {
     }
 }
 
+/// That another tool's accelerations at states are those of our plant.
+fn have_our_accelerations(found: &Value, model: &Model, states: &[State]) {
+    for (state, found) in states.iter().zip(found["accelerations"].as_array().unwrap()) {
+        near(&numbers(found), &accelerations(model, state), 1e-6, "accelerations");
+    }
+}
+
 fn value(document: &Value, symbol: &str) -> f64 {
     let all = document["physical"].as_array().unwrap();
     all.iter().find(|one| one["symbol"] == symbol).unwrap()["value"].as_f64().unwrap()
@@ -168,9 +175,7 @@ fn mujoco_flies_the_same_craft() {
     let told_of: Vec<Value> =
         states.iter().map(|state| described(state, thrust, &state.rotor_rad_s)).collect();
     let found = told(&python, "fly_mujoco.py", &file, &json!({ "states": told_of, "flights": [flight] }));
-    for (state, found) in states.iter().zip(found["accelerations"].as_array().unwrap()) {
-        near(&numbers(found), &accelerations(&model, state), 1e-6, "accelerations");
-    }
+    have_our_accelerations(&found, &model, &states);
     let expected = flown(&model, &start, &commanded, 1.0);
     // After a second the craft has turned by more than half a turn and is 2 m away.
     near(&numbers(&found["flights"][0]), &end(&expected), 1e-5, "flight");
@@ -228,9 +233,7 @@ fn rotorpy_flies_the_same_craft() {
     flight["duration_s"] = json!(1.0);
     let told_of: Vec<Value> = states.iter().map(|state| described(state, 1.0, &state.rotor_rad_s)).collect();
     let found = told(&python, "fly_rotorpy.py", &file, &json!({ "states": told_of, "flights": [flight] }));
-    for (state, found) in states.iter().zip(found["accelerations"].as_array().unwrap()) {
-        near(&numbers(found), &accelerations(&model, state), 1e-6, "accelerations");
-    }
+    have_our_accelerations(&found, &model, &states);
     let expected = end(&flown(&model, &start, &commanded, 1.0));
     near(&numbers(&found["flights"][0]), &expected, 1e-4, "flight");
     assert!(expected[10..].iter().any(|rate| rate.abs() > 0.5), "{expected:?}");
@@ -248,9 +251,7 @@ fn rotorpys_drag_in_hover_is_that_of_the_model() {
     states.iter_mut().for_each(|state| state.rate_rad_s = Vector3::zeros());
     let told_of: Vec<Value> = states.iter().map(|state| described(state, 1.0, &state.rotor_rad_s)).collect();
     let found = told(&python, "fly_rotorpy.py", &file, &json!({ "states": told_of, "flights": [] }));
-    for (state, found) in states.iter().zip(found["accelerations"].as_array().unwrap()) {
-        near(&numbers(found), &accelerations(&model, state), 1e-6, "accelerations");
-    }
+    have_our_accelerations(&found, &model, &states);
     let left_out = document["left_out"].to_string();
     assert!(left_out.contains("linear-drag") && left_out.contains("time constant"), "{left_out}");
 }

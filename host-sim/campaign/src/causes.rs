@@ -81,7 +81,7 @@ impl Trials<'_> {
 }
 
 /// Whether a number has no parts.
-fn is_whole(input: &Input) -> bool {
+pub(crate) fn is_whole(input: &Input) -> bool {
     input.name == DELAY
 }
 

@@ -33,5 +33,5 @@ pub use part::{part_path, run_shard};
 pub use plan::{Campaign, Case, MOST_SHARDS, NamedText, Plan};
 pub use search::{Found, Wanted};
 pub use statistics::{Interval, exact_interval, mcnemar_p_value, paired_interval};
-pub use summary::{FaultRate, Pair, Rate, Summary, Worst};
+pub use summary::{Answer, FaultRate, Pair, Rate, Summary, Worst};
 pub use table::{Column, Table, Values};

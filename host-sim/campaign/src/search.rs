@@ -16,7 +16,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::case::Flown;
-use crate::causes::{Causes, Needed};
+use crate::causes::{Causes, Needed, is_whole};
 use crate::definition::{Normal, Samples, Spread, Unknown, limits};
 use crate::draw::{DELAY, Drawn, Input, parts};
 use crate::error::CampaignError;
@@ -70,6 +70,14 @@ pub struct Found {
     pub sampled: Vec<f64>,
 }
 
+impl Found {
+    /// Whether the worst flight is lost only with this number as it is; nothing where it was not lost.
+    pub fn needs(&self, name: &str) -> Option<bool> {
+        let causes = self.causes.as_ref()?;
+        Some(causes.needed.iter().any(|needed| needed.name == name))
+    }
+}
+
 /// A number that is searched, between its ends.
 struct Dimension {
     name: &'static str,
@@ -90,7 +98,7 @@ impl Trials<'_> {
     fn at(&self, point: &[f64]) -> Drawn {
         let value = |input: &Input| {
             let found = self.dimensions.iter().zip(point).find(|(dimension, _)| dimension.name == input.name);
-            found.map_or(input.usual, |(_, value)| if input.name == DELAY { value.round() } else { *value })
+            found.map_or(input.usual, |(_, value)| if is_whole(input) { value.round() } else { *value })
         };
         self.nominal.changed(value, false, &self.ready.model)
     }

@@ -47,18 +47,18 @@ pub fn paired_interval(only_first: u64, only_second: u64, count: u64) -> Interva
         let variance = n * (2.0 * share + difference * (1.0 - difference));
         (b - c - n * difference) / variance.max(f64::MIN_POSITIVE).sqrt()
     };
-    let end = |far: f64, beyond: f64| {
+    let end = |far: f64| {
         let (mut inside, mut outside) = ((b - c) / n, far);
         for _ in 0..HALVINGS {
             let middle = 0.5 * (inside + outside);
-            if score(middle).abs() > beyond { outside = middle } else { inside = middle }
+            if score(middle).abs() > WITHIN { outside = middle } else { inside = middle }
         }
         0.5 * (inside + outside)
     };
     if count == 0 {
         return Interval { low: -1.0, high: 1.0 };
     }
-    Interval { low: end(-1.0, WITHIN), high: end(1.0, WITHIN) }
+    Interval { low: end(-1.0), high: end(1.0) }
 }
 
 #[cfg(test)]

@@ -77,6 +77,28 @@ pub struct Rate {
     pub events: BTreeMap<String, u64>,
 }
 
+/// Whether as few draws are lost as are allowed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer {
+    /// The upper end of the interval is below what is allowed.
+    Shown,
+    /// What is allowed lies in the interval: more draws may tell.
+    Open,
+    /// The lower end of the interval is not below it.
+    Refuted,
+}
+
+impl Rate {
+    /// Whether less than this share of the draws is lost, percent.
+    pub fn is_below(&self, allowed_percent: f64) -> Answer {
+        match self.lost_interval_percent {
+            [_, high] if high < allowed_percent => Answer::Shown,
+            [low, _] if low >= allowed_percent => Answer::Refuted,
+            _ => Answer::Open,
+        }
+    }
+}
+
 /// Two gains on the same draws.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Pair {

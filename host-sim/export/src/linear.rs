@@ -7,27 +7,26 @@ use design::plant::{
     CANCEL_TOLERANCE, Channel, INPUT_UNITS, INPUTS, Linear, STATE_UNITS, STATES, TrimTarget,
 };
 use model::Model;
+use nalgebra::SMatrix;
 
 use crate::error::ExportError;
 use crate::left_out::{Export, LeftOut, comments};
-use crate::rotorpy::one_line;
 
 pub(crate) fn python(model: &Model, target: &TrimTarget) -> Result<Export, ExportError> {
     let (linear, channels) = linearised(model, target)?;
     let left_out = what_is_left_out(&linear);
     let mut text = header(model, &linear, &left_out, "# ");
-    let matrix = |text: &mut String, name: &str, columns: usize, entry: &dyn Fn(usize, usize) -> f64| {
-        let row = |i: usize| (0..columns).map(|j| entry(i, j).to_string()).collect::<Vec<_>>().join(", ");
-        let rows: Vec<String> = (0..12).map(|i| format!("    [{}],", row(i))).collect();
-        let _ = writeln!(text, "{name} = np.array([\n{}\n])", rows.join("\n"));
+    let matrix = |name: &str, rows: Vec<String>| {
+        let rows: Vec<String> = rows.iter().map(|row| format!("    [{row}],")).collect();
+        format!("{name} = np.array([\n{}\n])\n", rows.join("\n"))
     };
     text.push_str("import control\nimport numpy as np\n\n");
     let _ = writeln!(text, "states = {STATES:?}\nstate_units = {STATE_UNITS:?}");
     let _ = writeln!(text, "inputs = {INPUTS:?}\ninput_units = {INPUT_UNITS:?}");
     let _ = writeln!(text, "equilibrium_state = np.array({:?})", linear.equilibrium.state);
     let _ = writeln!(text, "equilibrium_input = np.array({:?})", linear.equilibrium.inputs);
-    matrix(&mut text, "A", 12, &|i, j| linear.a[(i, j)]);
-    matrix(&mut text, "B", 4, &|i, j| linear.b[(i, j)]);
+    text += &matrix("A", rows(&linear.a, ", "));
+    text += &matrix("B", rows(&linear.b, ", "));
     text.push_str("plant = control.ss(A, B, np.eye(12), np.zeros((12, 4)), states=states, inputs=inputs, outputs=states)\n");
     match linear.motor_lag_rad_s {
         Some(lag) => {
@@ -64,16 +63,13 @@ pub(crate) fn octave(model: &Model, target: &TrimTarget) -> Result<Export, Expor
     let mut text = header(model, &linear, &left_out, "% ");
     text.push_str("% Octave: pkg load control. MATLAB: Control System Toolbox.\n");
     let named = |names: &[&str]| names.iter().map(|name| format!("'{name}'")).collect::<Vec<_>>().join(", ");
-    let numbers = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
-    let matrix = |text: &mut String, name: &str, columns: usize, entry: &dyn Fn(usize, usize) -> f64| {
-        let row = |i: usize| (0..columns).map(|j| entry(i, j).to_string()).collect::<Vec<_>>().join(" ");
-        let _ = writeln!(text, "{name} = [\n{}\n];", (0..12).map(row).collect::<Vec<_>>().join("\n"));
-    };
+    let numbers = |values: &[f64]| joined(values, " ");
+    let matrix = |name: &str, rows: Vec<String>| format!("{name} = [\n{}\n];\n", rows.join("\n"));
     let _ = writeln!(text, "states = {{{}}};\ninputs = {{{}}};", named(&STATES), named(&INPUTS));
     let _ = writeln!(text, "equilibrium_state = [{}]';", numbers(&linear.equilibrium.state));
     let _ = writeln!(text, "equilibrium_input = [{}]';", numbers(&linear.equilibrium.inputs));
-    matrix(&mut text, "A", 12, &|i, j| linear.a[(i, j)]);
-    matrix(&mut text, "B", 4, &|i, j| linear.b[(i, j)]);
+    text += &matrix("A", rows(&linear.a, " "));
+    text += &matrix("B", rows(&linear.b, " "));
     text.push_str("C = eye(12);\nD = zeros(12, 4);\n");
     text.push_str("plant = ss(A, B, C, D);\n");
     match linear.motor_lag_rad_s {
@@ -103,6 +99,16 @@ pub(crate) fn octave(model: &Model, target: &TrimTarget) -> Result<Export, Expor
     Ok(Export { text, left_out })
 }
 
+/// Numbers with all their digits.
+fn joined<'a>(values: impl IntoIterator<Item = &'a f64>, separator: &str) -> String {
+    values.into_iter().map(f64::to_string).collect::<Vec<_>>().join(separator)
+}
+
+/// The rows of a matrix.
+fn rows<const R: usize, const C: usize>(matrix: &SMatrix<f64, R, C>, separator: &str) -> Vec<String> {
+    matrix.row_iter().map(|row| joined(row.iter(), separator)).collect()
+}
+
 fn linearised(model: &Model, target: &TrimTarget) -> Result<(Linear, Vec<Channel>), ExportError> {
     let linear = Linear::new(model, target)?;
     let channels = linear.channels(CANCEL_TOLERANCE)?;
@@ -110,7 +116,8 @@ fn linearised(model: &Model, target: &TrimTarget) -> Result<(Linear, Vec<Channel
 }
 
 fn header(model: &Model, linear: &Linear, left_out: &[LeftOut], mark: &str) -> String {
-    let mut text = format!("{mark}{}, linear about an equilibrium.\n", one_line(&model.vehicle.name));
+    let mut text =
+        format!("{mark}{}, linear about an equilibrium.\n", report::plain_line(&model.vehicle.name));
     let units = |names: &[&str], units: &[&str]| {
         names.iter().zip(units).map(|(name, unit)| format!("{name} ({unit})")).collect::<Vec<_>>().join(", ")
     };

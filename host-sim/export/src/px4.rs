@@ -11,7 +11,6 @@ use model::{Effect, Model};
 use crate::craft::{Craft, is_of_rotors, rigid_coupling};
 use crate::error::ExportError;
 use crate::left_out::{Export, LeftOut, comments, left_out, none};
-use crate::rotorpy::one_line;
 
 /// PX4's order of the rotors of an X: front right, rear left, front left, rear right, by their places among ours.
 const ORDER: [usize; 4] = [1, 3, 0, 2];
@@ -33,7 +32,7 @@ pub(crate) fn export(craft: &Craft, model: &Model) -> Result<Export, ExportError
         ("SIH_IXY".into(), 0.0),
         ("SIH_IXZ".into(), 0.0),
         ("SIH_IYZ".into(), 0.0),
-        ("SIH_T_MAX".into(), craft.mean_thrust() * square),
+        ("SIH_T_MAX".into(), most_n(craft)),
         ("SIH_Q_MAX".into(), if turns_as_usual(craft) { 1.0 } else { -1.0 } * craft.mean_torque() * square),
         ("SIH_L_ROLL".into(), mean(|rotor| rotor.right_m)),
         ("SIH_L_PITCH".into(), mean(|rotor| rotor.forward_m)),
@@ -50,8 +49,10 @@ pub(crate) fn export(craft: &Craft, model: &Model) -> Result<Export, ExportError
         // Positive where the rotor turns against the clock seen from above, so that the nose turns to the right.
         real.push((format!("CA_ROTOR{k}_KM"), rotor.torque / rotor.thrust));
     }
-    let mut text =
-        format!("# {}, from its identified model: parameters of PX4.\n", one_line(&model.vehicle.name));
+    let mut text = format!(
+        "# {}, from its identified model: parameters of PX4.\n",
+        report::plain_line(&model.vehicle.name)
+    );
     text.push_str(&comments(&left_out, "# "));
     text.push_str("# Vehicle-Id Component-Id Name Value Type\n");
     let _ = writeln!(text, "1\t1\tCA_ROTOR_COUNT\t4\t{INTEGER}");
@@ -59,6 +60,11 @@ pub(crate) fn export(craft: &Craft, model: &Model) -> Result<Export, ExportError
         let _ = writeln!(text, "1\t1\t{name}\t{value}\t{REAL}");
     }
     Ok(Export { text, left_out })
+}
+
+/// Full thrust of a rotor, N.
+fn most_n(craft: &Craft) -> f64 {
+    craft.mean_thrust() * craft.most_rad_s * craft.most_rad_s
 }
 
 /// Whether rotors turn as PX4's simulation has them: front right and rear left against the clock seen from above.
@@ -80,8 +86,7 @@ fn what_is_left_out(craft: &Craft, model: &Model) -> Vec<LeftOut> {
         effect if is_of_rotors(effect) || effect == Effect::MotorLag => None,
         effect => none(model, effect),
     });
-    let share = craft.mass_kg * craft.gravity_m_s2
-        / (4.0 * craft.mean_thrust() * craft.most_rad_s * craft.most_rad_s);
+    let share = craft.mass_kg * craft.gravity_m_s2 / (4.0 * most_n(craft));
     let map = format!(
         "thrust grows in proportion to the command in SIH, and the lag acts on it; {} of the full command hovers",
         report::significant(share, 3)

@@ -24,7 +24,7 @@ pub(crate) fn export(craft: &Craft, model: &Model) -> Result<Export, ExportError
     let _ = writeln!(
         text,
         "# {}, from its identified model: parameters of rotorpy's Multirotor.",
-        one_line(&model.vehicle.name)
+        report::plain_line(&model.vehicle.name)
     );
     let _ = writeln!(
         text,
@@ -96,9 +96,4 @@ fn what_is_left_out(craft: &Craft, model: &Model) -> Vec<LeftOut> {
         });
     }
     all
-}
-
-/// A name that ends no comment.
-pub(crate) fn one_line(name: &str) -> String {
-    name.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }

@@ -1,22 +1,18 @@
 //! Craft to learn on, many at once.
 
-use std::path::PathBuf;
-
 use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArrayMethods as _};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use sil::environment::{ACTIONS, ActionKind, Environment, ObservationKind, Task};
-use sil::{GustModel, NoiseModel, SilError};
+use sil::SilError;
+use sil::environment::{ACTIONS, ActionKind, Environment, ObservationKind, Stepped, Task};
 
 use crate::QuadlabError;
-use crate::simulation::{MotorFault, fault, plan_of, set_wind};
+use crate::simulation::Conditions;
 
 /// What is learned, as Python hands it over.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub(crate) struct Wanted {
-    model: PathBuf,
-    gains: Option<PathBuf>,
+struct Wanted {
     action: String,
     observation: String,
     duration_s: f64,
@@ -25,12 +21,6 @@ pub(crate) struct Wanted {
     start_m: f64,
     start_m_s: f64,
     start_rad: f64,
-    delay_samples: usize,
-    noise: f64,
-    gusts: Option<[f64; 2]>,
-    /// North and east.
-    wind_m_s: Option<[f64; 2]>,
-    motor_faults: Vec<MotorFault>,
 }
 
 /// Craft of one model, each in an episode of its own.
@@ -51,11 +41,20 @@ struct One {
 impl Crafts {
     /// So many craft for a task.
     #[new]
-    fn new(py: Python<'_>, wanted: Wanted, count: usize) -> PyResult<Self> {
-        let task = wanted.task().map_err(QuadlabError::new_err)?;
+    fn new(py: Python<'_>, wanted: &Bound<'_, PyAny>, count: usize) -> PyResult<Self> {
+        let (task, conditions): (Wanted, Conditions) = (wanted.extract()?, wanted.extract()?);
+        let task = task.with(&conditions).map_err(QuadlabError::new_err)?;
         let numbers = task.observation.numbers();
-        let make = |k| Ok(One { environment: Environment::new(task.clone(), k)?, seed: k, is_over: false });
-        let all: Result<Vec<One>, SilError> = py.detach(|| (0..count as u64).map(make).collect());
+        let all = py.detach(|| {
+            let environment = Environment::new(task, 0)?;
+            // What they have in common is worked out once.
+            let make = |seed| {
+                let mut one = One { environment: environment.clone(), seed, is_over: false };
+                one.environment.reset(seed);
+                one
+            };
+            Ok((0..count as u64).map(make).collect())
+        });
         Ok(Self { all: all.map_err(refused)?, numbers })
     }
 
@@ -88,16 +87,14 @@ impl Crafts {
         }
         let all = &mut self.all;
         py.detach(|| {
-            for (((one, row), seed), _) in
-                all.iter_mut().zip(rows).zip(seeds).zip(which).filter(|(_, begins)| *begins)
-            {
+            let each = all.iter_mut().zip(rows).zip(seeds).zip(which);
+            for (((one, row), seed), _) in each.filter(|(_, begins)| *begins) {
                 one.seed = seed;
-                one.begin()?;
+                one.begin();
                 one.environment.observe(row);
             }
-            Ok(())
-        })
-        .map_err(refused)
+        });
+        Ok(())
     }
 
     /// One tick of all craft. With `autoreset`, one whose episode is over begins the next instead.
@@ -134,12 +131,11 @@ impl Crafts {
             for (((one, row), action), ((reward, terminated), truncated)) in
                 all.iter_mut().zip(rows).zip(actions).zip(results)
             {
-                (*reward, *terminated, *truncated) = one.step(action, autoreset)?;
+                (*reward, *terminated, *truncated) = one.step(action, autoreset);
                 one.environment.observe(row);
             }
-            Ok(())
-        })
-        .map_err(refused)
+        });
+        Ok(())
     }
 }
 
@@ -158,27 +154,26 @@ impl Crafts {
 }
 
 impl One {
-    fn begin(&mut self) -> Result<(), SilError> {
-        self.environment.reset(self.seed)?;
+    fn begin(&mut self) {
+        self.environment.reset(self.seed);
         // The next episode is another one, and the same whenever the first was.
         self.seed = self.seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         self.is_over = false;
-        Ok(())
     }
 
-    fn step(&mut self, action: &[f32; ACTIONS], autoreset: bool) -> Result<(f64, bool, bool), SilError> {
+    fn step(&mut self, action: &[f32; ACTIONS], autoreset: bool) -> (f64, bool, bool) {
         if self.is_over && autoreset {
-            self.begin()?;
-            return Ok((0.0, false, false));
+            self.begin();
+            return (0.0, false, false);
         }
-        let stepped = self.environment.step(action);
-        self.is_over = stepped.terminated || stepped.truncated;
-        Ok((stepped.reward, stepped.terminated, stepped.truncated))
+        let Stepped { reward, terminated, truncated } = self.environment.step(action);
+        self.is_over = terminated || truncated;
+        (reward, terminated, truncated)
     }
 }
 
 impl Wanted {
-    fn task(&self) -> Result<Task, String> {
+    fn with(&self, conditions: &Conditions) -> Result<Task, String> {
         let action = match self.action.as_str() {
             "motors" => ActionKind::Motors,
             "attitude" => ActionKind::Attitude,
@@ -190,15 +185,10 @@ impl Wanted {
             "sensors" => ObservationKind::Sensors,
             other => return Err(format!("observation: is {other:?}, expected state or sensors")),
         };
-        let mut plan = plan_of(&self.model, self.gains.as_deref())?;
+        let mut plan = conditions.plan()?;
         plan.duration_s = self.duration_s;
         plan.start_m = self.target_m;
         plan.excitation = false;
-        plan.delay_samples = self.delay_samples;
-        plan.noise = (self.noise > 0.0).then(|| NoiseModel::default().times(self.noise));
-        plan.gusts = self.gusts.map(|[deviation_m_s, time_s]| GustModel { deviation_m_s, time_s });
-        set_wind(&mut plan, self.wind_m_s);
-        plan.faults = self.motor_faults.iter().map(fault).collect::<Result<_, String>>()?;
         let Self { room_m, start_m, start_m_s, start_rad, .. } = *self;
         Ok(Task { plan, action, observation, room_m, start_m, start_m_s, start_rad })
     }

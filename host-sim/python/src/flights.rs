@@ -25,22 +25,26 @@ pub(crate) fn read(py: Python<'_>, path: PathBuf) -> PyResult<Vec<(String, Bound
 /// Name and columns of a flight. The arrays own what was read: nothing is copied.
 pub(crate) fn columns(py: Python<'_>, flight: Flight) -> PyResult<(String, Bound<'_, PyDict>)> {
     let name = flight.name.clone();
+    Ok((name, arrays(py, flight.into_logged_columns())?))
+}
+
+/// Arrays by name, which own the values.
+fn arrays(
+    py: Python<'_>,
+    columns: impl IntoIterator<Item = (String, Vec<f64>)>,
+) -> PyResult<Bound<'_, PyDict>> {
     let all = PyDict::new(py);
-    for (column, values) in flight.into_logged_columns() {
-        all.set_item(column, PyArray1::from_vec(py, values))?;
+    for (name, values) in columns {
+        all.set_item(name, PyArray1::from_vec(py, values))?;
     }
-    Ok((name, all))
+    Ok(all)
 }
 
 /// Measured and predicted accelerations of a flight under a model: `t`, `u`, `u_predicted`, ... in m/s^2 and rad/s^2.
 #[pyfunction]
 pub(crate) fn residuals(py: Python<'_>, model: PathBuf, flight: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let found = beside(py, move |_| compared(&model, &flight))?.map_err(QuadlabError::new_err)?;
-    let all = PyDict::new(py);
-    for (name, values) in found {
-        all.set_item(name, PyArray1::from_vec(py, values))?;
-    }
-    Ok(all)
+    arrays(py, found)
 }
 
 fn compared(model: &std::path::Path, flight: &std::path::Path) -> Result<Vec<(String, Vec<f64>)>, String> {

@@ -6,11 +6,12 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use clap::{CommandFactory as _, Parser as _};
-use flights::{ColumnMap, Flight};
+use diagnosis::workflow::Silent;
+use flights::Flight;
 use model::Model;
 
 use crate::cli::invocation::{self, Invocation};
-use crate::cli::logs::vehicle_beside;
+use crate::cli::logs::import;
 use crate::cli::model_files::read_model;
 use crate::{Arguments, mistake, outcome, with_causes};
 
@@ -56,11 +57,7 @@ pub fn read_flights(path: &Path) -> Result<Vec<Flight>, String> {
         if logs::format_of(path).is_none() {
             return Ok(vec![Flight::read(path)?]);
         }
-        let map = match vehicle_beside(path)? {
-            Some(vehicle) => ColumnMap::of_flight(path, &vehicle)?,
-            None => ColumnMap::beside(path)?,
-        };
-        let parts = logs::import(path, &map)?.flights;
+        let parts = import(path, &Silent)??.flights;
         anyhow::ensure!(!parts.is_empty(), logs::LogError::nothing_flown(path));
         Ok(parts.into_iter().map(|part| part.flight).collect())
     };

@@ -96,8 +96,15 @@ pub struct Environment {
     plant: Plant,
     /// Rotor speeds in hover, rad/s.
     hover_rad_s: [f64; 4],
+    /// As every episode begins; present where actions are set points.
+    fresh_law: Option<InProcess>,
+    episode: Episode,
+}
+
+/// What changes from tick to tick.
+#[derive(Debug, Clone)]
+struct Episode {
     craft: SimulatedCraft,
-    /// Present where actions are set points.
     law: Option<InProcess>,
     delay: Delay<([f32; 3], [f32; 3])>,
     faults: Faults,
@@ -117,28 +124,13 @@ impl Environment {
         task.plan.config.supervision.fence = Fence::NONE;
         let around = |axis: usize| [-task.room_m, task.room_m].map(|end| task.plan.start_m[axis] + end);
         task.plan.config.position_limits = PositionLimits { x_m: around(0), y_m: around(1), z_m: around(2) };
-        let craft = task.plan.craft_with_period(task.plan.config.sample_time_s)?;
+        task.plan.check()?;
+        let law = InProcess::new(&task.plan.config)?;
+        let fresh_law = (task.action != ActionKind::Motors).then_some(law);
         let plant = Plant::new(&task.plan.model);
         let hover_rad_s = Linear::new(&task.plan.model, &TrimTarget::default())?.equilibrium.rotor_rad_s;
-        let law = match task.action {
-            ActionKind::Motors => None,
-            _ => Some(InProcess::new(&task.plan.config)?),
-        };
-        let mut new = Self {
-            delay: Delay::new(task.plan.delay_samples),
-            plant,
-            hover_rad_s,
-            craft,
-            law,
-            faults: Faults::default(),
-            sensed: Default::default(),
-            gyro_rad_s: [0.0; 3],
-            measured_v: 0.0,
-            tick: 0,
-            task,
-        };
-        new.reset(seed)?;
-        Ok(new)
+        let episode = Episode::new((&task, &plant, hover_rad_s), fresh_law.clone(), seed);
+        Ok(Self { task, plant, hover_rad_s, fresh_law, episode })
     }
 
     /// What it is for.
@@ -147,32 +139,9 @@ impl Environment {
     }
 
     /// The episode of `seed` begins: equal seeds and actions give equal episodes.
-    ///
-    /// # Errors
-    /// As [`Environment::new`].
-    pub fn reset(&mut self, seed: u64) -> Result<(), SilError> {
-        let Task { plan, start_m, start_m_s, start_rad, .. } = &self.task;
-        let period_s = plan.config.sample_time_s;
-        let mut generator = stream(seed, Purpose::Conditions);
-        let mut within = |most: f64| Vector3::from_fn(|_, _| most * generator.random_range(-1.0..=1.0));
-        let mut state = State::at_rest(Vector3::from(plan.start_m) + within(*start_m), self.hover_rad_s);
-        let velocity = within(*start_m_s);
-        let tilt = within(*start_rad);
-        state.attitude =
-            frames::quaternion_from_euler(Vector3::new(tilt.x, tilt.y, plan.start_yaw_rad + tilt.z));
-        state.velocity_m_s = frames::dcm_from_quaternion(&state.attitude) * velocity;
-        let sensors = Sensors::new(&plan.model, plan.noise, period_s, seed);
-        self.craft =
-            SimulatedCraft::new(self.plant.clone(), plan.battery, sensors, state, period_s, plan.substeps)
-                .with_gusts(plan.gusts, seed);
-        if self.law.is_some() {
-            self.law = Some(InProcess::new(&plan.config)?);
-        }
-        self.delay = Delay::new(plan.delay_samples);
-        self.faults = Faults::default();
-        self.tick = 0;
-        self.sense();
-        Ok(())
+    pub fn reset(&mut self, seed: u64) {
+        self.episode =
+            Episode::new((&self.task, &self.plant, self.hover_rad_s), self.fresh_law.clone(), seed);
     }
 
     /// One tick with an action; parts of it beyond -1 and 1 count as these, and what is no number as 0.
@@ -180,41 +149,41 @@ impl Environment {
         let action = action.map(|part| if part.is_nan() { 0.0 } else { part.clamp(-1.0, 1.0) });
         let plan = &self.task.plan;
         let period_s = plan.config.sample_time_s;
-        let time_s = f64::from(self.tick) * period_s;
+        let time_s = f64::from(self.episode.tick) * period_s;
         let [low, high] = plan.config.command_range.map(|end| end as f32);
-        let pwm = match &self.law {
+        let pwm = match &self.episode.law {
             None => action.map(|part| low + 0.5 * (part + 1.0) * (high - low)),
             Some(_) => self.flown(&action, time_s),
         };
         let plan = &self.task.plan;
-        let motors = self.faults.motors(&plan.faults, time_s, pwm, plan.config.command_range);
-        let voltage_v = self.craft.voltage_v();
-        self.craft.advance(&motors, voltage_v);
-        self.tick += 1;
-        self.sense();
+        let motors = self.episode.faults.motors(&plan.faults, time_s, pwm, plan.config.command_range);
+        let voltage_v = self.episode.craft.voltage_v();
+        self.episode.craft.advance(&motors, voltage_v);
+        self.episode.tick += 1;
+        self.episode.sense();
         self.judged(&action, period_s)
     }
 
     /// What the flight law makes of an action.
     fn flown(&mut self, action: &[f32; ACTIONS], time_s: f64) -> [f32; 4] {
-        let (position_m, attitude_rad) = self.sensed;
+        let (position_m, attitude_rad) = self.episode.sensed;
         let mut readings = Readings {
             time_us: (time_s * 1e6).round() as u32,
             pose: Some(Pose { position_m, attitude_rad }),
             pose_age_us: 0,
-            gyro_rad_s: Some(self.gyro_rad_s),
-            battery_v: self.measured_v,
+            gyro_rad_s: Some(self.episode.gyro_rad_s),
+            battery_v: self.episode.measured_v,
             command: Some(self.command(action)),
             request: None,
             outputs_ready: true,
         };
         let plan = &self.task.plan;
         if !plan.faults.is_empty() {
-            self.faults.distort(&plan.faults, time_s, &mut readings);
+            self.episode.faults.distort(&plan.faults, time_s, &mut readings);
         }
         let idle = [plan.config.command_range[0] as f32; 4];
         // The law in this process always answers.
-        let answer = self.law.as_mut().and_then(|law| law.tick(self.tick, &readings).ok());
+        let answer = self.episode.law.as_mut().and_then(|law| law.tick(self.episode.tick, &readings).ok());
         answer.map_or(idle, |answer| answer.output.pwm)
     }
 
@@ -241,31 +210,23 @@ impl Environment {
         }
     }
 
-    fn sense(&mut self) {
-        let voltage_v = self.craft.voltage_v();
-        let sensed = self.craft.sense(voltage_v);
-        self.sensed = self.delay.push((sensed.position_m, sensed.attitude_rad));
-        self.gyro_rad_s = sensed.gyro_rad_s.unwrap_or([0.0; 3]);
-        self.measured_v = sensed.battery_v;
-    }
-
     /// From the target, north, east, down, m.
     fn away_m(&self) -> Vector3<f64> {
-        self.craft.state.position_ned_m - Vector3::from(self.task.plan.start_m)
+        self.episode.craft.state.position_ned_m - Vector3::from(self.task.plan.start_m)
     }
 
     fn judged(&self, action: &[f32; ACTIONS], period_s: f64) -> Stepped {
-        let state = &self.craft.state;
+        let state = &self.episode.craft.state;
         let away_m = self.away_m();
         let upright = frames::dcm_from_quaternion(&state.attitude)[(2, 2)];
-        let terminated = !self.craft.is_there() || away_m.amax() > self.task.room_m || upright <= 0.0;
+        let terminated = !self.episode.craft.is_there() || away_m.amax() > self.task.room_m || upright <= 0.0;
         let effort: f32 = action.iter().map(|part| part * part).sum();
         let cost = away_m.norm_squared()
             + 0.1 * state.velocity_m_s.norm_squared()
             + 0.1 * state.rate_rad_s.norm_squared()
             + 0.01 * f64::from(effort);
         let cost = if terminated { LOST } else { cost * period_s };
-        let truncated = f64::from(self.tick) * period_s >= self.task.plan.duration_s - 0.5 * period_s;
+        let truncated = f64::from(self.episode.tick) * period_s >= self.task.plan.duration_s - 0.5 * period_s;
         Stepped { reward: -cost, terminated, truncated: truncated && !terminated }
     }
 
@@ -275,7 +236,7 @@ impl Environment {
         let mut put = |parts: &[f64]| numbers.by_ref().zip(parts).for_each(|(out, part)| *out = *part as f32);
         match self.task.observation {
             ObservationKind::State => {
-                let state = &self.craft.state;
+                let state = &self.episode.craft.state;
                 put(self.away_m().as_slice());
                 put(frames::dcm_from_quaternion(&state.attitude).tr_mul(&state.velocity_m_s).as_slice());
                 put(one_branch(state.attitude).as_slice());
@@ -283,15 +244,53 @@ impl Environment {
                 put(&std::array::from_fn::<f64, 4, _>(|k| state.rotor_rad_s[k] / self.hover_rad_s[k]));
             }
             ObservationKind::Sensors => {
-                let (position_m, euler_rad) = self.sensed;
+                let (position_m, euler_rad) = self.episode.sensed;
                 let target_m = self.task.plan.start_m;
                 put(&std::array::from_fn::<f64, 3, _>(|axis| f64::from(position_m[axis]) - target_m[axis]));
                 let attitude = frames::quaternion_from_euler(Vector3::from(euler_rad.map(f64::from)));
                 put(one_branch(attitude).as_slice());
-                put(&self.gyro_rad_s.map(f64::from));
-                put(&[f64::from(self.measured_v)]);
+                put(&self.episode.gyro_rad_s.map(f64::from));
+                put(&[f64::from(self.episode.measured_v)]);
             }
         }
+    }
+}
+
+impl Episode {
+    fn new((task, plant, hover_rad_s): (&Task, &Plant, [f64; 4]), law: Option<InProcess>, seed: u64) -> Self {
+        let Task { plan, start_m, start_m_s, start_rad, .. } = task;
+        let period_s = plan.config.sample_time_s;
+        let mut generator = stream(seed, Purpose::Conditions);
+        let mut within = |most: f64| Vector3::from_fn(|_, _| most * generator.random_range(-1.0..=1.0));
+        let mut state = State::at_rest(Vector3::from(plan.start_m) + within(*start_m), hover_rad_s);
+        let velocity = within(*start_m_s);
+        let tilt = within(*start_rad);
+        state.attitude =
+            frames::quaternion_from_euler(Vector3::new(tilt.x, tilt.y, plan.start_yaw_rad + tilt.z));
+        state.velocity_m_s = frames::dcm_from_quaternion(&state.attitude) * velocity;
+        let sensors = Sensors::new(&plan.model, plan.noise, period_s, seed);
+        let craft = SimulatedCraft::new(plant.clone(), plan.battery, sensors, state, period_s, plan.substeps)
+            .with_gusts(plan.gusts, seed);
+        let mut new = Self {
+            craft,
+            law,
+            delay: Delay::new(plan.delay_samples),
+            faults: Faults::default(),
+            sensed: Default::default(),
+            gyro_rad_s: [0.0; 3],
+            measured_v: 0.0,
+            tick: 0,
+        };
+        new.sense();
+        new
+    }
+
+    fn sense(&mut self) {
+        let voltage_v = self.craft.voltage_v();
+        let sensed = self.craft.sense(voltage_v);
+        self.sensed = self.delay.push((sensed.position_m, sensed.attitude_rad));
+        self.gyro_rad_s = sensed.gyro_rad_s.unwrap_or([0.0; 3]);
+        self.measured_v = sensed.battery_v;
     }
 }
 
@@ -370,10 +369,10 @@ mod tests {
         environment.observe(&mut first);
         let flown = episode(&mut environment, [0.1, -0.1, 0.0, 0.2]);
         let mut again = vec![0.0; SENSOR_NUMBERS];
-        environment.reset(8).unwrap();
+        environment.reset(8);
         environment.observe(&mut again);
         assert_ne!(again, first);
-        environment.reset(7).unwrap();
+        environment.reset(7);
         environment.observe(&mut again);
         assert_eq!(again, first);
         assert_eq!(episode(&mut environment, [0.1, -0.1, 0.0, 0.2]), flown);

@@ -206,16 +206,19 @@ impl<'a> FormTerms<'a> {
         let of = |rotor: usize| {
             form.factors.iter().map(move |f| self.variables[f.variable].of_rotor(sample, rotor))
         };
-        let rotors = if form.channel.is_each_rotor() { 4 } else { 1 };
-        let all = (0..rotors).flat_map(of).chain(sample.input.position_ned_m.iter().copied());
+        let all = (0..self.rotors()).flat_map(of).chain(sample.input.position_ned_m.iter().copied());
         values.iter_mut().zip(all).for_each(|(own, value)| *own = value);
     }
 
     /// How many values these are.
     pub(crate) fn value_count(&self) -> usize {
         let (form, _) = &self.forms[0];
-        let rotors = if form.channel.is_each_rotor() { 4 } else { 1 };
-        rotors * form.factors.len() + if form.channel.center().is_some() { 3 } else { 0 }
+        self.rotors() * form.factors.len() + if form.channel.center().is_some() { 3 } else { 0 }
+    }
+
+    /// How many of the rotors have variables of their own.
+    fn rotors(&self) -> usize {
+        if self.forms[0].0.channel.is_each_rotor() { 4 } else { 1 }
     }
 
     /// What each of the ways to act that are formed once is multiplied by, term by term.

@@ -58,14 +58,27 @@ USUAL: Options = {
 """What an environment is where it is not told."""
 
 
-def _crafts(count: int, model: Model | Path, options: Options) -> _quadlab.Crafts:
-    unknown = sorted(set(options) - set(USUAL))
-    if unknown:
-        raise _quadlab.QuadlabError(f"{unknown[0]}: is no option of an environment; choose from {', '.join(USUAL)}")
-    wanted: dict[str, Any] = {**USUAL, **options}
-    with Files() as files:
-        wanted.update(model=files.model(model), motor_faults=list(wanted["motor_faults"]))
-        return _quadlab.Crafts(wanted, count)
+class _Many:
+    """Craft, what environments say of them, and the arrays that they fill."""
+
+    def __init__(self, count: int, model: Model | Path, options: Options):
+        unknown = sorted(set(options) - set(USUAL))
+        if unknown:
+            raise _quadlab.QuadlabError(f"{unknown[0]}: is no option of an environment; choose from {', '.join(USUAL)}")
+        wanted: dict[str, Any] = {**USUAL, **options}
+        with Files() as files:
+            wanted.update(model=files.model(model), motor_faults=list(wanted["motor_faults"]))
+            self.crafts = _quadlab.Crafts(wanted, count)
+        numbers = self.crafts.numbers
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (numbers,), np.float32)
+        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float32)
+        self.seen = np.zeros((count, numbers), np.float32)
+        self.rewards = np.zeros(count)
+        self.ends = np.zeros((2, count), np.bool_)
+
+    def step(self, actions: np.ndarray, autoreset: bool) -> None:
+        actions = np.ascontiguousarray(actions, np.float32)
+        self.crafts.step(actions, self.seen, self.rewards, self.ends[0], self.ends[1], autoreset)
 
 
 class QuadcopterEnv(gymnasium.Env):
@@ -92,24 +105,21 @@ class QuadcopterEnv(gymnasium.Env):
     metadata = {"render_modes": []}
 
     def __init__(self, model: Model | Path, **options: Unpack[Options]):
-        self._crafts = _crafts(1, model, options)
-        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self._crafts.numbers,), np.float32)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float32)
-        self.period_s = self._crafts.period_s
-        self._seen = np.zeros((1, self._crafts.numbers), np.float32)
-        self._reward = np.zeros(1)
-        self._ends = np.zeros((2, 1), np.bool_)
+        self._one = _Many(1, model, options)
+        self.observation_space = self._one.observation_space
+        self.action_space = self._one.action_space
+        self.period_s = self._one.crafts.period_s
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
         super().reset(seed=seed)
         drawn = int(self.np_random.integers(2**63))
-        self._crafts.reset([drawn], [True], self._seen)
-        return self._seen[0].copy(), {}
+        self._one.crafts.reset([drawn], [True], self._one.seen)
+        return self._one.seen[0].copy(), {}
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
-        actions = np.ascontiguousarray(action, np.float32).reshape(1, 4)
-        self._crafts.step(actions, self._seen, self._reward, self._ends[0], self._ends[1], False)
-        return self._seen[0].copy(), float(self._reward[0]), bool(self._ends[0, 0]), bool(self._ends[1, 0]), {}
+        one = self._one
+        one.step(np.reshape(action, (1, 4)), False)
+        return one.seen[0].copy(), float(one.rewards[0]), bool(one.ends[0, 0]), bool(one.ends[1, 0]), {}
 
 
 class QuadcopterVectorEnv(VectorEnv):
@@ -123,15 +133,12 @@ class QuadcopterVectorEnv(VectorEnv):
     def __init__(self, model: Model | Path, num_envs: int = 1, *, copy: bool = True, **options: Unpack[Options]):
         self.num_envs = num_envs
         self._copy = copy
-        self._crafts = _crafts(num_envs, model, options)
-        self.single_observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (self._crafts.numbers,), np.float32)
-        self.single_action_space = gymnasium.spaces.Box(-1.0, 1.0, (4,), np.float32)
+        self._many = _Many(num_envs, model, options)
+        self.single_observation_space = self._many.observation_space
+        self.single_action_space = self._many.action_space
         self.observation_space = gymnasium.vector.utils.batch_space(self.single_observation_space, num_envs)
         self.action_space = gymnasium.vector.utils.batch_space(self.single_action_space, num_envs)
-        self.period_s = self._crafts.period_s
-        self._seen = np.zeros((num_envs, self._crafts.numbers), np.float32)
-        self._rewards = np.zeros(num_envs)
-        self._ends = np.zeros((2, num_envs), np.bool_)
+        self.period_s = self._many.crafts.period_s
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -142,14 +149,14 @@ class QuadcopterVectorEnv(VectorEnv):
         if given:
             drawn = [one if own is None else int(own) for one, own in zip(drawn, given)]
         mask = np.ones(self.num_envs, np.bool_) if options is None else options.get("reset_mask", np.ones(self.num_envs))
-        self._crafts.reset(drawn, [bool(one) for one in mask], self._seen)
-        return self._taken(self._seen), {}
+        self._many.crafts.reset(drawn, [bool(one) for one in mask], self._many.seen)
+        return self._taken(self._many.seen), {}
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        actions = np.ascontiguousarray(actions, np.float32)
-        self._crafts.step(actions, self._seen, self._rewards, self._ends[0], self._ends[1], True)
-        ends = self._taken(self._ends)
-        return self._taken(self._seen), self._taken(self._rewards), ends[0], ends[1], {}
+        many = self._many
+        many.step(actions, True)
+        ends = self._taken(many.ends)
+        return self._taken(many.seen), self._taken(many.rewards), ends[0], ends[1], {}
 
     def _taken(self, array: np.ndarray) -> np.ndarray:
         return array.copy() if self._copy else array

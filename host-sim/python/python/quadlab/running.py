@@ -62,7 +62,7 @@ class Model:
         has: match them by `t`.
         """
         with Files() as files:
-            names = files.flights(flight)
+            names = files.words(flight)
             if len(names) != 1:
                 raise _quadlab.QuadlabError(f"predict: takes one flight, and {len(names)} are given; call it for each")
             return _quadlab.residuals(files.model(self), names[0])
@@ -157,15 +157,8 @@ class Files:
         model.save(path)
         return str(path)
 
-    def flights(self, flights: Flights) -> list[str]:
-        """The files of flights."""
-        from quadlab.flight import Flight
-
-        if isinstance(flights, (str, os.PathLike, Flight)) or _is_table(flights):
-            flights = [flights]  # type: ignore[list-item]
-        return [self._flight(flight) if not isinstance(flight, (str, os.PathLike)) else os.fspath(flight) for flight in flights]
-
-    def _flight(self, flight: Any) -> str:
+    def flight(self, flight: Any) -> str:
+        """The file of a flight or of a table."""
         from quadlab.flight import Flight
 
         flight = flight if isinstance(flight, Flight) else Flight(flight)
@@ -174,15 +167,14 @@ class Files:
         return str(path)
 
     def words(self, value: Any) -> list[str]:
-        """A value of an option as words."""
-        from quadlab.flight import Flight
-
-        if isinstance(value, Flight) or _is_table(value):
-            return self.flights(value)
+        """A value of an option as words: what is in memory becomes a file."""
         if isinstance(value, (str, os.PathLike)):
             return [os.fspath(value)]
         if isinstance(value, Model):
             return [self.model(value)]
+        # Tables of pandas and polars, and flights.
+        if hasattr(value, "columns") and hasattr(value, "__getitem__"):
+            return [self.flight(value)]
         if isinstance(value, Iterable):
             return [word for one in value for word in self.words(one)]
         return [str(value)]
@@ -190,11 +182,6 @@ class Files:
     def without_folder(self, sentence: str) -> str:
         """A sentence about files that the user never saw, by their own names."""
         return re.sub(re.escape(self._folder.name) + r"/\d+/", "", sentence)
-
-
-def _is_table(value: Any) -> bool:
-    """Whether a value is a table of pandas or polars."""
-    return hasattr(value, "columns") and hasattr(value, "__getitem__")
 
 
 def run(words: list[str], options: Mapping[str, tuple[str | None, Any]], *, has_json: bool, makes_model: bool) -> Result:

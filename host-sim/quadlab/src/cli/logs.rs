@@ -30,7 +30,7 @@ pub(crate) fn read_logs(named: &[PathBuf], json: bool) -> anyhow::Result<Vec<Rea
 }
 
 /// A log; a table of another program through the map of columns beside it, else that of the vehicle file beside it.
-fn import(path: &Path, observer: &dyn Observer) -> anyhow::Result<Result<Import, LogError>> {
+pub(crate) fn import(path: &Path, observer: &dyn Observer) -> anyhow::Result<Result<Import, LogError>> {
     let map = match vehicle_beside(path)? {
         Some(vehicle) => ColumnMap::of_flight(path, &vehicle)?,
         None => ColumnMap::beside(path)?,

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use campaign::{
-    CaseFlight, Causes, Definition, Flown, Input, MERGED, MOST_SHARDS, Needed, Plan, Rate, Summary, Table,
-    merge, run_shard,
+    Answer, CaseFlight, Causes, Definition, Flown, Input, MERGED, MOST_SHARDS, Needed, Plan, Rate, Summary,
+    Table, merge, run_shard,
 };
 use clap::Subcommand;
 use report::significant;
@@ -195,31 +195,54 @@ fn shard_of_environment() -> anyhow::Result<Option<u64>> {
     Ok(None)
 }
 
-fn fly(options: &RunOptions) -> anyhow::Result<Outcome> {
-    let plan = Plan::read(&options.plan)?;
-    let shard = options.shard.map_or_else(shard_of_environment, |shard| Ok(Some(shard)))?;
-    let shards: Vec<u64> = shard.map_or_else(|| (0..plan.shards).collect(), |shard| vec![shard]);
+/// Shards that were flown.
+pub(crate) struct FlownShards {
+    cases: u64,
+    /// Those of them that had been flown before.
+    before: Vec<u64>,
+}
+
+/// Flies shards of the plan of a file into a folder, and shows how far it is.
+pub(crate) fn fly_shards(
+    (plan, file): (&Plan, &Path),
+    shards: &[u64],
+    out: &Path,
+    json: bool,
+) -> anyhow::Result<FlownShards> {
     let mut cases = 0;
-    for shard in &shards {
+    for shard in shards {
         let of = plan.cases_of(*shard)?;
         cases += of.end - of.start;
     }
-    let progress = progress::bar(cases as usize, false);
+    let progress = progress::bar(cases as usize, json);
     let (done, lost) = (AtomicU64::new(0), AtomicU64::new(0));
     let told = |flown: u64, lost_now: u64| {
         let done = done.fetch_add(flown, Ordering::Relaxed) + flown;
         let lost = lost.fetch_add(lost_now, Ordering::Relaxed) + lost_now;
         progress.set_activity(&format!("flying, {lost} lost"), done, cases);
     };
-    let mut text = String::new();
-    for shard in &shards {
-        if !run_shard(&plan, &options.plan, *shard, &options.out, &told)? {
+    let mut before = Vec::new();
+    for shard in shards {
+        if !run_shard(plan, file, *shard, out, &told)? {
             let of = plan.cases_of(*shard)?;
             told(of.end - of.start, 0);
-            writeln!(text, "shard {shard} of {} was flown before", plan.shards)?;
+            before.push(*shard);
         }
     }
     progress.finish_and_clear();
+    Ok(FlownShards { cases, before })
+}
+
+fn fly(options: &RunOptions) -> anyhow::Result<Outcome> {
+    let plan = Plan::read(&options.plan)?;
+    let shard = options.shard.map_or_else(shard_of_environment, |shard| Ok(Some(shard)))?;
+    let shards: Vec<u64> = shard.map_or_else(|| (0..plan.shards).collect(), |shard| vec![shard]);
+    let flown = fly_shards((&plan, &options.plan), &shards, &options.out, false)?;
+    let mut text = String::new();
+    for shard in flown.before {
+        writeln!(text, "shard {shard} of {} was flown before", plan.shards)?;
+    }
+    let cases = flown.cases;
     let (file, folder) = (options.plan.display(), options.out.display());
     writeln!(text, "{cases} flights in {folder}; next: quadlab campaign report {file} --parts {folder}")?;
     Ok(Outcome::done(text))
@@ -258,7 +281,7 @@ fn tell(options: &ReportOptions) -> anyhow::Result<Outcome> {
         report::write_atomic(path, page.render())?;
     }
     let is_beyond =
-        |rate: &&Rate| options.allow.is_some_and(|allowed| rate.lost_interval_percent[1] >= allowed);
+        |rate: &&Rate| options.allow.is_some_and(|allowed| rate.is_below(allowed) != Answer::Shown);
     let beyond: Vec<&Rate> = summary.rates.iter().filter(is_beyond).collect();
     let holds = beyond.is_empty();
     if options.output.json {
@@ -269,10 +292,9 @@ fn tell(options: &ReportOptions) -> anyhow::Result<Outcome> {
         writeln!(
             text,
             "{}: {} in {}: up to {} % lost (upper end of the 95 % interval), below {} % allowed",
-            if rate.lost_interval_percent[0] >= options.allow.unwrap_or_default() {
-                "NOT ALLOWED"
-            } else {
-                "NOT SHOWN"
+            match rate.is_below(options.allow.unwrap_or_default()) {
+                Answer::Refuted => "NOT ALLOWED",
+                _ => "NOT SHOWN",
             },
             rate.gains,
             render::campaign::scenario_of(rate),

@@ -60,9 +60,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 fn text(found: &Found, sentence: &str) -> String {
     let mut text = render::grid::paragraph(sentence);
     for one in &found.worst {
-        let needed =
-            found.causes.as_ref().is_some_and(|causes| causes.needed.iter().any(|own| own.name == one.name));
-        let mark = if needed { "  (needed)" } else { "" };
+        let mark = if found.needs(&one.name) == Some(true) { "  (needed)" } else { "" };
         let _ = writeln!(
             text,
             "  {} = {} (nominal {}){mark}",

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::PathBuf;
 
+use campaign::NamedText;
 use clap::Subcommand;
 use design::check::{CheckOptions, CheckReport, check};
 use design::synthesis::{Designed, Method, Shortfall, Specs, Step, design};
@@ -13,7 +14,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::cli::output::{Outcome, OutputOptions};
-use crate::commands::design_losses::{self, LossOptions, Losses};
+use crate::commands::design_losses::{LossOptions, Losses};
 use crate::commands::{design_check, design_report};
 use diagnosis::workflow::sha256;
 
@@ -95,6 +96,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
     let inputs: Vec<&PathBuf> =
         std::iter::once(path).chain(&options.specs).chain(&options.losses.campaign).collect();
     options.output.check([out], &inputs)?;
+    let asked = options.losses.asked()?;
     let model = Model::read_to_linearize(path)?;
     // Loops of attitude and yaw stand on the rotation, those of height and position on the translation: both are needed.
     if let Some(unknown) =
@@ -102,14 +104,7 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
     {
         return Err(Unidentified { path: path.clone(), unknown }.into());
     }
-    let specs = match &options.specs {
-        Some(path) => {
-            let text = std::fs::read_to_string(path)
-                .map_err(|source| design::DesignError::Read { path: path.clone(), source })?;
-            Specs::parse(&text, path)?
-        }
-        None => Specs::default(),
-    };
+    let specs = specifications(options)?;
     let designed = match design(&model, &specs) {
         Err(DesignError::Unmet(shortfall)) => return unmet(options, specs.method, &shortfall),
         designed => designed?,
@@ -118,16 +113,18 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
     let mut losses = None;
     let mut holds = designed.shortfalls.is_empty();
     if holds {
+        let file = std::fs::read_to_string(path)?;
         let provenance = Provenance {
             vehicle: model.vehicle.name.clone(),
             vehicle_sha256: Some(model.vehicle.sha256()),
             source: format!("quadlab {} design", env!("CARGO_PKG_VERSION")),
-            model_sha256: Some(sha256(&std::fs::read(path)?)),
+            model_sha256: Some(sha256(file.as_bytes())),
             specs: Some(toml::Table::try_from(specs)?),
             margins: Some(margins(&report)),
         };
         let gains = Gains { config: designed.config, provenance: Some(provenance) }.to_toml();
-        losses = design_losses::fly(&options.losses, path, &gains, options.output.json)?;
+        let file = NamedText { name: path.display().to_string(), text: Some(file) };
+        losses = asked.map(|asked| asked.fly(file, &gains, options.output.json)).transpose()?;
         holds = losses.as_ref().is_none_or(Losses::hold);
         if holds {
             report::write_atomic(out, gains)?;
@@ -148,6 +145,14 @@ fn make(options: &Options, path: &PathBuf, out: &PathBuf) -> anyhow::Result<Outc
         Outcome::done(text(&designed, &report, &told, written.as_deref()))
     };
     Ok(Outcome { holds, ..outcome })
+}
+
+/// What the file of specifications says; the defaults without one.
+fn specifications(options: &Options) -> anyhow::Result<Specs> {
+    let Some(path) = &options.specs else { return Ok(Specs::default()) };
+    let text = std::fs::read_to_string(path)
+        .map_err(|source| design::DesignError::Read { path: path.clone(), source })?;
+    Ok(Specs::parse(&text, path)?)
 }
 
 /// The outcome of a design that stopped at a specification that no gain meets.

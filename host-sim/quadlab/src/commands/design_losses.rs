@@ -2,13 +2,11 @@
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use campaign::{Definition, NamedText, Plan, Rate, Summary, merge, run_shard};
+use campaign::{Answer, Definition, NamedText, Plan, Rate, Summary, merge};
 use report::significant;
 
-use crate::cli::progress;
-use crate::commands::campaign::check_allowed;
+use crate::commands::campaign::{check_allowed, fly_shards};
 use crate::render::campaign::scenario_of;
 
 /// What the gains are asked for.
@@ -36,23 +34,22 @@ pub(crate) struct Losses {
 impl Losses {
     /// Whether as few draws are lost as are allowed, wherever they are counted.
     pub(crate) fn hold(&self) -> bool {
-        self.rates.iter().all(|rate| rate.lost_interval_percent[1] < self.allowed_percent)
+        self.rates.iter().all(|rate| rate.is_below(self.allowed_percent) == Answer::Shown)
     }
 
     /// A line for each scenario.
     pub(crate) fn text(&self) -> String {
         let mut text = String::new();
         for rate in &self.rates {
-            let holds = rate.lost_interval_percent[1] < self.allowed_percent;
-            let [low, high] = rate.lost_interval_percent.map(|percent| significant(percent, 2));
-            let verdict = match (holds, rate.lost_interval_percent[0] > self.allowed_percent) {
-                (true, _) => "met: ",
-                (false, true) => "NOT MET: ",
-                (false, false) => "NOT SHOWN: ",
+            let verdict = match rate.is_below(self.allowed_percent) {
+                Answer::Shown => "met",
+                Answer::Refuted => "NOT MET",
+                Answer::Open => "NOT SHOWN",
             };
+            let [low, high] = rate.lost_interval_percent.map(|percent| significant(percent, 2));
             let _ = writeln!(
                 text,
-                "{verdict}lost in {}: {} of {} draws (95 % interval {low} to {high} %), fewer than {} % wanted",
+                "{verdict}: lost in {}: {} of {} draws (95 % interval {low} to {high} %), fewer than {} % wanted",
                 scenario_of(rate),
                 rate.lost,
                 rate.draws,
@@ -75,33 +72,35 @@ impl Losses {
     }
 }
 
-/// Flies the campaign with gains.
-pub(crate) fn fly(
-    options: &LossOptions,
-    model: &Path,
-    gains: &str,
-    json: bool,
-) -> anyhow::Result<Option<Losses>> {
-    let (Some(path), Some(allowed_percent)) = (&options.campaign, options.allow) else { return Ok(None) };
-    let definition = Definition::read(path)?;
-    check_allowed(allowed_percent, definition.draws)?;
-    let text = |name: &str, text: &str| NamedText { name: name.to_owned(), text: Some(text.to_owned()) };
-    let file = text(&model.display().to_string(), &std::fs::read_to_string(model)?);
-    let plan = Plan::with(&definition, path, file, text("designed", gains))?;
-    let parts = tempfile::tempdir()?;
-    let (progress, done, lost) =
-        (progress::bar(plan.cases() as usize, json), AtomicU64::new(0), AtomicU64::new(0));
-    let told = |flown: u64, lost_now: u64| {
-        let done = done.fetch_add(flown, Ordering::Relaxed) + flown;
-        let lost = lost.fetch_add(lost_now, Ordering::Relaxed) + lost_now;
-        progress.set_activity(&format!("flying, {lost} lost"), done, plan.cases());
-    };
-    for shard in 0..plan.shards {
-        run_shard(&plan, path, shard, parts.path(), &told)?;
+/// A campaign that can show what is asked.
+pub(crate) struct Asked<'a> {
+    definition: Definition,
+    path: &'a Path,
+    allowed_percent: f64,
+}
+
+impl LossOptions {
+    /// What is asked; nothing where nothing is.
+    pub(crate) fn asked(&self) -> anyhow::Result<Option<Asked<'_>>> {
+        let (Some(path), Some(allowed_percent)) = (&self.campaign, self.allow) else { return Ok(None) };
+        let definition = Definition::read(path)?;
+        check_allowed(allowed_percent, definition.draws)?;
+        Ok(Some(Asked { definition, path, allowed_percent }))
     }
-    progress.finish_and_clear();
-    let (table, _) = merge(&plan, parts.path(), "quadlab design")?;
-    let summary = Summary::new(&plan, &table)
-        .ok_or_else(|| anyhow::anyhow!("{}: its flights cannot be summed up", path.display()))?;
-    Ok(Some(Losses { rates: summary.rates, impossible: summary.impossible, allowed_percent }))
+}
+
+impl Asked<'_> {
+    /// Flies the campaign with gains on a model: the texts of both.
+    pub(crate) fn fly(&self, model: NamedText, gains: &str, json: bool) -> anyhow::Result<Losses> {
+        let gains = NamedText { name: "designed".to_owned(), text: Some(gains.to_owned()) };
+        let plan = Plan::with(&self.definition, self.path, model, gains)?;
+        let parts = tempfile::tempdir()?;
+        let shards: Vec<u64> = (0..plan.shards).collect();
+        fly_shards((&plan, self.path), &shards, parts.path(), json)?;
+        let (table, _) = merge(&plan, parts.path(), "quadlab design")?;
+        let summary = Summary::new(&plan, &table)
+            .ok_or_else(|| anyhow::anyhow!("{}: its flights cannot be summed up", self.path.display()))?;
+        let allowed_percent = self.allowed_percent;
+        Ok(Losses { rates: summary.rates, impossible: summary.impossible, allowed_percent })
+    }
 }

@@ -187,7 +187,7 @@ fn rates(summary: &Summary) -> Grid {
         let [low, high] = rate.lost_interval_percent.map(|percent| significant(percent, 2));
         let kept = format!("{} of {}", rate.requirements_hold, rate.judged);
         // Flights of several scenarios are not of one kind.
-        let is_one = rate.scenario.is_some() || summary.rates.iter().all(|rate| rate.scenario.is_none());
+        let is_one = rate.scenario.is_some();
         grid.push([
             rate.gains.clone(),
             scenario_of(rate).to_owned(),
@@ -299,11 +299,7 @@ pub(crate) fn search_page(found: &Found, sentence: &str) -> Page {
         [text("name"), number("value", ""), number("nominal", ""), text("needed")],
     );
     for one in &found.worst {
-        let needed = match &found.causes {
-            None => "-",
-            Some(causes) if causes.needed.iter().any(|own| own.name == one.name) => "yes",
-            Some(_) => "no",
-        };
+        let needed = found.needs(&one.name).map_or("-", |needed| if needed { "yes" } else { "no" });
         worst.push([
             one.name.clone(),
             significant(one.value, 4),

@@ -131,7 +131,7 @@ impl FlightPlan {
         }
     }
 
-    pub(super) fn check(&self) -> Result<(), SilError> {
+    pub(crate) fn check(&self) -> Result<(), SilError> {
         let refuse = |field, value: String, expected| Err(SilError::Plan { field, value, expected });
         let period_s = self.config.sample_time_s;
         if !(self.duration_s >= period_s && self.duration_s <= 86_400.0) {
