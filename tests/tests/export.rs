@@ -256,6 +256,51 @@ fn rotorpys_drag_in_hover_is_that_of_the_model() {
     assert!(left_out.contains("linear-drag") && left_out.contains("time constant"), "{left_out}");
 }
 
+/// What Drake, which reads Gazebo's files, and the equations of Gazebo's motor model make of an exported craft at states.
+fn in_gazebo(python: &Path, file: &Path, model: &Model, states: &[State]) -> Value {
+    let told_of: Vec<Value> = states.iter().map(|state| described(state, 1.0, &state.rotor_rad_s)).collect();
+    told(python, "fly_gazebo.py", file, &json!({ "states": told_of, "gravity": model.vehicle.gravity }))
+}
+
+/// Without drag, with rotors that differ: the same accelerations everywhere, and the mass and the inertia of the whole.
+#[test]
+fn gazebos_craft_has_the_same_accelerations() {
+    let Some(python) = python() else { return };
+    let folder = TempDir::new().unwrap();
+    let model = rigid(Some(21.5), 0.0);
+    let (file, document) = exported(folder.path(), &model, "gazebo");
+    let states = random_states(value(&document, "omega_h"), true);
+    let found = in_gazebo(&python, &file, &model, &states);
+    have_our_accelerations(&found, &model, &states);
+    near(&[found["mass"].as_f64().unwrap()], &[value(&document, "m")], 1e-12, "mass, kg");
+    near(&numbers(&found["center"]), &[0.0; 3], 1e-12, "center of mass, m");
+    let inertia: Vec<f64> = found["inertia"].as_array().unwrap().iter().flat_map(numbers).collect();
+    let [x, y, z] = ["I_xx", "I_yy", "I_zz"].map(|symbol| value(&document, symbol));
+    near(&inertia, &[x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z], 1e-12, "inertia, kg m^2");
+    near(&numbers(&found["lag"]), &[1.0 / 21.5; 4], 1e-12, "time constants, s");
+}
+
+/// Gazebo's drag goes with the speed of the rotors, brakes turning too, and not along their axes: it is ours in hover, for a level craft
+/// that moves along the ground.
+#[test]
+fn gazebos_drag_in_hover_is_that_of_the_model() {
+    let Some(python) = python() else { return };
+    let folder = TempDir::new().unwrap();
+    let model = with_equal_rotors(None, 0.27);
+    let (file, document) = exported(folder.path(), &model, "gazebo");
+    let mut states = random_states(value(&document, "omega_h"), false);
+    states.iter_mut().for_each(|state| {
+        state.rate_rad_s = Vector3::zeros();
+        state.velocity_m_s.z = 0.0;
+    });
+    have_our_accelerations(&in_gazebo(&python, &file, &model, &states), &model, &states);
+    let left_out = document["left_out"].to_string();
+    assert!(
+        ["linear-drag", "time constant", "9.8 m/s^2"].iter().all(|own| left_out.contains(own)),
+        "{left_out}"
+    );
+}
+
 /// PX4's simulation, by the equations of `generate_force_and_torques` in its `sih.cpp`: the same accelerations where each motor's
 /// command is its part of the full thrust. With rotors that turn against PX4's usual directions, as the thesis' do, and with them.
 #[test]

@@ -42,6 +42,10 @@ pub(crate) const ABOVE_NOISE: f64 = 1.6;
 /// Part of the excess over the noise that the right effects may leave. In simulated flights they leave none; a formula that
 /// is only nearly right leaves a hundredth, a stand-in for something else a twentieth or more.
 pub(crate) const LEFT_BY_THE_RIGHT: f64 = 0.03;
+/// Most that winds of the flights' own may leave of the horizontal forces, of what an effect leaves that was found in one wind: they
+/// have two numbers for each flight, and follow small differences of trim as well. In calm air they leave three quarters
+/// of what a tilted attitude leaves, or more; before a fan wall, a tenth of what a cable leaves that was found in its place.
+pub(crate) const LEFT_BY_OWN_WINDS: f64 = 0.5;
 
 /// An effect answers for what is left of an axis of which it takes away this part of its largest drop: half, so that one of two
 /// axes that it moves alike does not excuse the other, and one on which it hardly acts does not speak against it.

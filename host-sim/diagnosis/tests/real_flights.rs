@@ -65,6 +65,31 @@ fn a_fan_wall_is_a_wind_from_the_north_of_its_own_speed_and_calm_air_is_none() {
     }
 }
 
+/// Flights in four winds together: each has its own, and what holds a craft against them is no cable and no center of mass. What the calm
+/// ones have is the tilt of the tracked attitude, which pushes all alike.
+#[test]
+fn winds_that_differ_between_flights_are_the_flights_own() {
+    let Some(root) = shared("data/neuralfly") else { return };
+    let path = root.join("vehicle.toml");
+    let vehicle = Vehicle::parse(&std::fs::read_to_string(&path).unwrap(), &path).unwrap();
+    let train = files(&root, &["NF-C_nowind", "NF_35wind", "baseline_70wind"]);
+    let held_out = files(&root, &["NF_nowind", "NF_100wind"]);
+    let mut sets = FlightSets::read(&train, &held_out, &vehicle, Reading::default(), &Silent).unwrap();
+    let explanation = explain(&vehicle, &[], &mut sets, &Options::default(), None, &Silent).unwrap();
+    let pushes =
+        [Effect::Tether, Effect::SteadyWind, Effect::ComOffset, Effect::MassChange, Effect::AttitudeOffset];
+    let wrong = explanation.found().into_iter().find(|effect| pushes.contains(effect));
+    assert_eq!(wrong, None, "{}", explanation.conclusion());
+    let north = |flight: &&sysid::Prepared| flight.wind_ned_m_s.x;
+    let (trained, held): (Vec<f64>, Vec<f64>) =
+        (sets.train().iter().map(north).collect(), sets.validate().iter().map(north).collect());
+    for (wind, truth_m_s) in trained.iter().zip([0.0, -4.2, -8.5]).skip(1) {
+        let found = wind - trained[0];
+        assert!((found - truth_m_s).abs() < 0.25 * -truth_m_s, "{found} of {truth_m_s} m/s");
+    }
+    assert!((held[0] - trained[0]).abs() < 1.0 && held[1] < trained[2] - 2.0, "{held:?}");
+}
+
 /// 5 g on half a metre of cable, and nothing else, whichever of the four flights is held out: in the slowest, the load hardly swings.
 #[test]
 fn a_load_on_a_cable_is_found_whichever_flight_is_held_out() {

@@ -35,6 +35,9 @@ pub enum ExportError {
          motors and identify again"
     )]
     NoHover,
+    /// Gains that are larger than an image of them may be.
+    #[error("the gains do not fit into an image for a program in C")]
+    LargeGains,
     /// It cannot be linearised.
     #[error(transparent)]
     Design(#[from] DesignError),

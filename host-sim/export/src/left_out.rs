@@ -55,3 +55,13 @@ pub(crate) fn comments(left_out: &[LeftOut], mark: &str) -> String {
     let lines = left_out.iter().map(|one| format!("{mark}  {}: {}\n", one.effect, one.why));
     format!("{mark}Not as in the model:\n{}", lines.collect::<String>())
 }
+
+/// For an attribute of XML.
+pub(crate) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
+}
+
+/// For a comment of XML, which two hyphens would end.
+pub(crate) fn without_ends_of_comments(text: &str) -> String {
+    text.replace("--", "- -")
+}

@@ -7,6 +7,8 @@
 
 mod craft;
 mod error;
+mod gains_in_c;
+mod gazebo;
 mod left_out;
 mod linear;
 mod mujoco;
@@ -18,6 +20,7 @@ use model::Model;
 
 pub use craft::{Craft, Rotor};
 pub use error::ExportError;
+pub use gains_in_c::gains_header;
 pub use left_out::{Export, LeftOut};
 
 /// What a model is written for.
@@ -25,6 +28,8 @@ pub use left_out::{Export, LeftOut};
 pub enum Target {
     /// MuJoCo's MJCF.
     Mujoco,
+    /// Gazebo's SDFormat, with its motor model on each rotor.
+    Gazebo,
     /// Parameters of rotorpy's `Multirotor`, a Python file.
     Rotorpy,
     /// Parameters of PX4's simulation in hardware and of its control allocation, as QGroundControl loads them.
@@ -42,6 +47,7 @@ pub enum Target {
 pub fn export(model: &Model, to: Target, target: &TrimTarget) -> Result<Export, ExportError> {
     match to {
         Target::Mujoco => mujoco::export(&Craft::new(model)?, model),
+        Target::Gazebo => gazebo::export(&Craft::new(model)?, model),
         Target::Rotorpy => rotorpy::export(&Craft::new(model)?, model),
         Target::Px4 => px4::export(&Craft::new(model)?, model),
         Target::PythonControl => linear::python(model, target),

@@ -8,7 +8,7 @@ use model::{Effect, Model};
 
 use crate::craft::{Craft, is_of_rotors, rigid_coupling};
 use crate::error::ExportError;
-use crate::left_out::{Export, LeftOut, comments, left_out, none};
+use crate::left_out::{Export, LeftOut, comments, escaped, left_out, none, without_ends_of_comments};
 
 /// Step of the simulation, s: far below the rotors' lag.
 const STEP_S: f64 = 0.002;
@@ -36,8 +36,6 @@ pub(crate) fn export(craft: &Craft, model: &Model) -> Result<Export, ExportError
 }
 
 fn head(craft: &Craft, model: &Model, left_out: &[LeftOut]) -> String {
-    // Two hyphens would end a comment of XML.
-    let plain = |text: &str| text.replace("--", "- -");
     format!(
         r#"<!--
   {}, from its identified model.
@@ -48,9 +46,9 @@ fn head(craft: &Craft, model: &Model, left_out: &[LeftOut]) -> String {
   <compiler angle="radian" autolimits="true"/>
   <option timestep="{STEP_S}" gravity="0 0 {}" integrator="RK4"/>
 "#,
-        plain(&model.vehicle.name),
+        without_ends_of_comments(&model.vehicle.name),
         craft.mean_thrust(),
-        plain(&comments(left_out, "  ")),
+        without_ends_of_comments(&comments(left_out, "  ")),
         escaped(&model.vehicle.name),
         -craft.gravity_m_s2
     )
@@ -115,9 +113,4 @@ fn what_is_left_out(craft: &Craft, model: &Model) -> Vec<LeftOut> {
         all.push(LeftOut { effect: "motors.lag".into(), why: lag.into() });
     }
     all
-}
-
-/// For an attribute of XML.
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

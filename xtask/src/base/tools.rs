@@ -105,11 +105,11 @@ pub(crate) const TYPESCRIPT: Tool = Tool {
 };
 /// Other people's simulators and design tools, in which exported models are flown, and what builds and tests the Python package.
 pub(crate) const PEERS: Tool = Tool {
-    name: "mujoco, rotorpy, python-control and Python's tools",
+    name: "mujoco, rotorpy, drake, python-control and Python's tools",
     version: &[
         "target/peers/bin/python",
         "-c",
-        "import control, gymnasium, hyperqueue, ipykernel, matplotlib, maturin, mujoco, mypy, nbclient, pandas, polars, pyarrow, pytest, rotorpy; \
+        "import control, gymnasium, hyperqueue, ipykernel, matplotlib, maturin, mujoco, mypy, nbclient, pandas, polars, pyarrow, pydrake, pytest, rotorpy; \
          print(mujoco.__version__, control.__version__, pandas.__version__)",
     ],
     install: "python3 tests/peers/tools/install.py target/peers",

@@ -68,6 +68,11 @@ const ARROWS: &[Allowed] = &[
         why: "every craft's program turns messages into ticks and ticks into messages the same way",
     },
     Allowed {
+        from: "law-c",
+        to: &["control", "craft"],
+        why: "programs in C get the law alone, with gains as an image",
+    },
+    Allowed {
         from: "sil",
         to: &[
             "model",
@@ -95,8 +100,8 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "export",
-        to: &["design", "model", "report"],
-        why: "other tools get the craft's physical parameters and its linear model, with numbers as in tables",
+        to: &["craft", "design", "gains-file", "model", "report"],
+        why: "other tools get the craft's physical parameters, its linear model and its gains, with numbers as in tables",
     },
     Allowed {
         from: "ground",
@@ -154,6 +159,7 @@ const ARROWS: &[Allowed] = &[
             "ground",
             "com",
             "mcu",
+            "law-c",
             "pattern",
             "gains-file",
             "quadlab",

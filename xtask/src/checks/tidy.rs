@@ -17,8 +17,10 @@ use crate::base::process::{in_continuous_integration, output_of};
 use crate::base::workspace::{self, Workspace};
 
 /// Crates that may use `unsafe`, as (crate, why nothing safe does it).
-const MAY_USE_UNSAFE: &[(&str, &str)] =
-    &[("mcu", "registers are addresses, and handlers are the chip's to call")];
+const MAY_USE_UNSAFE: &[(&str, &str)] = &[
+    ("mcu", "registers are addresses, and handlers are the chip's to call"),
+    ("law-c", "callers in C hand over pointers"),
+];
 
 /// Macros that mark unfinished work or a debugging session.
 const LEFTOVERS: [&str; 3] = ["todo", "unimplemented", "dbg"];

@@ -55,20 +55,25 @@ impl FlightSets {
         self.all().any(|flight| has(&flight.prepared))
     }
 
-    /// Gives each flight its own wind about `model`, fitted again with these winds, where they differ. Whether they do.
-    pub(crate) fn find_weather(&mut self, model: &Model) -> bool {
+    /// Gives each flight its own wind about `model`, where they differ: the model fitted again in these winds.
+    pub(crate) fn find_weather(&mut self, model: &Model) -> Option<Model> {
+        let fitted = self.in_own_winds(model);
+        if fitted.is_none() {
+            self.forget_weather();
+        }
+        fitted
+    }
+
+    fn in_own_winds(&mut self, model: &Model) -> Option<Model> {
         let mut about = model.clone();
         for _ in 0..ROUNDS {
-            if !weather::estimate(&mut self.all_prepared(), &about) {
-                return false;
+            let drag = weather::beside_pushes(&self.train(), &about)?;
+            if !weather::estimate(&mut self.all_prepared(), &drag) {
+                return None;
             }
-            let Ok(fit) = sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(&about)) else {
-                self.forget_weather();
-                return false;
-            };
-            about = fit.model;
+            about = sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(&about)).ok()?.model;
         }
-        true
+        Some(about)
     }
 
     pub(crate) fn forget_weather(&mut self) {

@@ -2,10 +2,12 @@
 
 use model::{Axis, Effect, GROUPS, Group, Model, NotIdentified};
 use report::number::fixed;
+use sysid::fit::linearise::residuals_at_rows;
 use sysid::{FaultKind, Prepared};
 
 use crate::conclusion::conclude;
-use crate::finding::Unexplained;
+use crate::criteria::LEFT_BY_OWN_WINDS;
+use crate::finding::{AxisDrop, Unexplained};
 use crate::not_logged::not_told;
 use crate::observer::Observer;
 use crate::options::{SLOW_S, SLOWER_S};
@@ -43,7 +45,8 @@ pub fn why(
 }
 
 /// Diagnoses on flights whose clocks and trim are set. Where forces stay unexplained, each flight gets its own wind, if that
-/// explains them, and else one that wanders.
+/// explains them, and else one that wanders. Its own wind it gets as well where that leaves far less of the horizontal forces than the
+/// effect that was found ([`LEFT_BY_OWN_WINDS`]).
 pub(crate) fn search(
     model: &Model,
     sets: &mut FlightSets,
@@ -53,16 +56,25 @@ pub(crate) fn search(
     sets.follow_gusts(model);
     let found = search_in_one_wind(model, sets, options, observer)?;
     let is_explained = |diagnosis: &Diagnosis| diagnosis.verdicts.translation != Verdict::Unexplained;
-    if is_explained(&found) || sets.has_weather() {
+    let rival = Rival::of(&found);
+    if sets.has_weather() || (is_explained(&found) && rival.is_none()) {
         return Ok(found);
     }
-    if sets.find_weather(model) {
-        let in_own_winds = search_in_one_wind(model, sets, options, observer)?;
-        if is_explained(&in_own_winds) {
-            sets.tell_weather();
-            return Ok(in_own_winds);
+    let before = sets.validate().iter().map(|flight| squares_of_forces(flight, model)).collect();
+    if let Some(windy) = sets.find_weather(model) {
+        let is_less = |rival: &Rival| rival.leaves_more_than(before, &windy, &sets.validate());
+        let beats_what_was_found = rival.as_ref().is_some_and(is_less);
+        if beats_what_was_found || !is_explained(&found) {
+            let in_own_winds = search_in_one_wind(model, sets, options, observer)?;
+            if beats_what_was_found || is_explained(&in_own_winds) {
+                sets.tell_weather();
+                return Ok(in_own_winds);
+            }
         }
         sets.forget_weather();
+    }
+    if is_explained(&found) {
+        return Ok(found);
     }
     let is_left = |diagnosis: &Diagnosis| {
         diagnosis.unexplained.iter().any(|left| matches!(left.axis, Axis::U | Axis::V))
@@ -77,6 +89,39 @@ pub(crate) fn search(
         sets.forget_gusts();
     }
     Ok(found)
+}
+
+/// What was found of the horizontal forces, and would have to be beaten by a wind of each flight.
+struct Rival {
+    /// The axes along which it acts, of u and v.
+    axes: Vec<Axis>,
+    /// Share of the held-out squared error along them that it leaves.
+    left: f64,
+}
+
+impl Rival {
+    fn of(diagnosis: &Diagnosis) -> Option<Self> {
+        let best = diagnosis.best()?;
+        let finding = diagnosis.effects.iter().find(|finding| finding.effect == best)?;
+        let along = |axis: &Axis| finding.axes.get(axis.name());
+        let axes: Vec<Axis> = [Axis::U, Axis::V].into_iter().filter(|axis| along(axis).is_some()).collect();
+        let sum = |of: fn(&AxisDrop) -> f64| axes.iter().filter_map(along).map(of).sum::<f64>();
+        let (before, after) = (sum(|drop| drop.sse_before), sum(|drop| drop.sse_after));
+        (before > 0.0).then_some(Self { left: after / before, axes })
+    }
+
+    /// Whether winds of the flights' own leave far less; `before` are the squares of each flight without them.
+    fn leaves_more_than(&self, before: Vec<[f64; 6]>, windy: &Model, flights: &[&Prepared]) -> bool {
+        let along = |squares: &[f64; 6]| self.axes.iter().map(|axis| squares[axis.index()]).sum::<f64>();
+        let after = flights.iter().map(|flight| along(&squares_of_forces(flight, windy))).sum::<f64>();
+        after < LEFT_BY_OWN_WINDS * self.left * before.iter().map(along).sum::<f64>()
+    }
+}
+
+/// Sums of squares of what a model leaves of a flight.
+fn squares_of_forces(flight: &Prepared, model: &Model) -> [f64; 6] {
+    let left = residuals_at_rows(flight, model, flight.fit_stride()).residual;
+    left.each_ref().map(|axis| axis.iter().map(|r| r * r).sum())
 }
 
 fn search_in_one_wind(

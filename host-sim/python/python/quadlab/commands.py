@@ -472,7 +472,8 @@ def linearize(
 def export(
     *,
     model: Model | Path,
-    to: Literal["mujoco", "rotorpy", "px4", "python-control", "octave"],
+    to: Literal["mujoco", "gazebo", "rotorpy", "px4", "python-control", "octave", "c"],
+    gains: Path | None = None,
     at: Path | None = None,
     out: Path,
     force: bool = False,
@@ -483,6 +484,7 @@ def export(
 
     model: Model file.
     to: Target tool.
+    gains: Gains file, for to c only.
     at: For design tools only: equilibrium to linearise about, "hover" or a trim file with the motion to
         hold, as for linearize.
     out: File to write.
@@ -491,6 +493,7 @@ def export(
     options = {
         "model": ("model", model),
         "to": ("to", to),
+        "gains": ("gains", gains),
         "at": ("at", at),
         "out": ("out", out),
         "force": ("force", force),

@@ -27,6 +27,10 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOOL")]
     to: To,
 
+    /// Gains file, for --to c only, for example: --gains gains.toml
+    #[arg(long, value_name = "TOML", required_if_eq("to", "c"))]
+    gains: Option<PathBuf>,
+
     /// For design tools only: equilibrium to linearise about, "hover" or a trim file with the motion to hold, as for linearize
     #[arg(long, value_name = "hover|TOML", default_value = "hover")]
     at: PathBuf,
@@ -43,6 +47,8 @@ pub(crate) struct Options {
 enum To {
     /// MuJoCo: an MJCF file; the controls are the rotors' thrusts
     Mujoco,
+    /// Gazebo: an SDFormat file with its motor model on each rotor; the commands are the rotors' speeds
+    Gazebo,
     /// rotorpy: a Python file with the parameters of its Multirotor
     Rotorpy,
     /// PX4: parameters of its simulation-in-hardware (SIH) and rotor geometry for control allocation, for QGroundControl
@@ -53,17 +59,23 @@ enum To {
     /// GNU Octave and MATLAB (`matlab` is the same): as python-control
     #[value(alias = "matlab")]
     Octave,
+    /// C and Simulink: gains as a header for the flight law as a static library (firmware/law-c)
+    #[value(alias = "simulink")]
+    C,
 }
 
 impl To {
-    const fn target(self) -> Target {
-        match self {
+    /// The tool that gets the model; nothing where the gains go.
+    const fn target(self) -> Option<Target> {
+        Some(match self {
             Self::Mujoco => Target::Mujoco,
+            Self::Gazebo => Target::Gazebo,
             Self::Rotorpy => Target::Rotorpy,
             Self::Px4 => Target::Px4,
             Self::PythonControl => Target::PythonControl,
             Self::Octave => Target::Octave,
-        }
+            Self::C => return None,
+        })
     }
 
     /// Whether the tool gets the model linear about an equilibrium.
@@ -76,6 +88,14 @@ impl To {
 #[derive(Debug, thiserror::Error)]
 #[error("--at {}: applies to design tools only (python-control, octave); leave it out", .0.display())]
 struct NoEquilibrium(PathBuf);
+
+/// Gains for a tool that gets the model.
+#[derive(Debug, thiserror::Error)]
+#[error("--gains {}: applies to --to c only; leave it out", .0.display())]
+struct NoGains(PathBuf);
+
+/// What to do with the header.
+const FOR_C: &str = "include it beside quadlab_law.h of firmware/law-c, and link with libquadlab_law.a (cargo build --release --package law-c)";
 
 #[derive(Serialize, JsonSchema)]
 pub(crate) struct Document<'a> {
@@ -100,6 +120,10 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if !hover && !options.to.is_linear() {
         return Err(NoEquilibrium(options.at.clone()).into());
     }
+    let Some(to) = options.to.target() else { return run_gains(options) };
+    if let Some(gains) = &options.gains {
+        return Err(NoGains(gains.clone()).into());
+    }
     options.output.check([&options.out], &[&options.model])?;
     let target = if hover { TrimTarget::default() } else { TrimTarget::read(&options.at)? };
     let model = if options.to.is_linear() {
@@ -107,7 +131,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     } else {
         Model::read(&options.model)?
     };
-    let export = export::export(&model, options.to.target(), &target)
+    let export = export::export(&model, to, &target)
         .map_err(|why| anyhow::anyhow!("{}: {why}", options.model.display()))?;
     report::write_atomic(&options.out, &export.text)?;
     let physical: Vec<Physical> = physical_parameters(&model).into_iter().map(entry).collect();
@@ -115,6 +139,20 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         return Outcome::json(&Document { file: &options.out, left_out: &export.left_out, physical });
     }
     Ok(Outcome::done(text(options, &export.left_out, &physical)))
+}
+
+/// Writes gains, which have to belong to the model, as a header.
+fn run_gains(options: &Options) -> anyhow::Result<Outcome> {
+    // The parser has asked for it.
+    let Some(path) = &options.gains else { return Ok(Outcome::done(String::new())) };
+    options.output.check([&options.out], &[&options.model, path])?;
+    let gains = design::gains_match::read_for(path, &Model::read_to_linearize(&options.model)?)?;
+    let model = Model::read(&options.model)?;
+    report::write_atomic(&options.out, export::gains_header(&gains, &model)?)?;
+    if options.output.json {
+        return Outcome::json(&Document { file: &options.out, left_out: &[], physical: Vec::new() });
+    }
+    Ok(Outcome::done(format!("{} written: {FOR_C}\n", options.out.display())))
 }
 
 fn entry(one: model::PhysicalParameter) -> Physical {

@@ -4,13 +4,17 @@
 //! something else. One that differs from flight to flight belongs to the flights: left in, it is structure that no effect of the craft
 //! explains. It is estimated by each flight alone, about a model of drag, and beside the wind of that model. Where the flights differ,
 //! their mean is no wind of its own either: each gets all of its own.
+//!
+//! The drag must not come from flights that are taken for flights in one wind: what tells it is how the force follows the speed
+//! within each flight. So it is fitted beside a constant push of each flight, north and east ([`beside_pushes`]).
 
-use model::{Effect, Model};
+use model::{Axis, Effect, LagId, Model, Sample, Sink};
 use nalgebra::{DVector, Matrix2, Vector2, Vector3};
 
-use crate::fit::least_squares;
+use crate::fit::least_squares::{self, FlightRows};
 use crate::fit::linearise::About;
 use crate::fit::swing::Known;
+use crate::fit::terms::{LinearEffects, Terms, coefficient_count};
 use crate::prepare::Prepared;
 use crate::statistics::squares_p_value;
 
@@ -28,10 +32,11 @@ const INDEPENDENT: f64 = 10.0;
 /// Gives each of the flights its own wind about `model`, where they differ; takes it from them where they do not. Whether they do.
 pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
     clear(flights);
-    if flights.len() < 2 || !has_drag(model) || flights.iter().any(|flight| !flight.has_position) {
+    if flights.len() < 2 || flights.iter().any(|flight| !flight.has_position) {
         return false;
     }
-    let winds: Option<Vec<Wind>> = flights.iter().map(|flight| Wind::of(flight, model)).collect();
+    let Some(model) = with_known_drag(model) else { return false };
+    let winds: Option<Vec<Wind>> = flights.iter().map(|flight| Wind::of(flight, &model)).collect();
     let Some(winds) = winds else { return false };
     let count = winds.len() as f64;
     let mean = winds.iter().map(|wind| wind.value).sum::<Vector2<f64>>() / count;
@@ -54,9 +59,76 @@ pub fn clear(flights: &mut [&mut Prepared]) {
     flights.iter_mut().for_each(|flight| flight.wind_ned_m_s = Vector3::zeros());
 }
 
-fn has_drag(model: &Model) -> bool {
-    let Some(drag) = model.term(Effect::LinearDrag) else { return false };
-    drag.coefficients[..2].iter().all(|c| c.std_error.is_some_and(|error| -c.value > DETERMINED * error))
+/// A model whose linear effects on the forces are fitted to flights of which each is pushed, north and east, by a constant force of its
+/// own. Nothing where the flights do not determine them.
+pub fn beside_pushes(flights: &[&Prepared], model: &Model) -> Option<Model> {
+    let is_force = |axis: &Axis| matches!(axis, Axis::U | Axis::V | Axis::W);
+    let linear: Vec<Effect> =
+        model.effects().into_iter().filter(|effect| effect.info().axes.iter().any(is_force)).collect();
+    let effects = LinearEffects::new(&linear);
+    let count = effects.count;
+    let terms = |flight| Pushed { effects: LinearEffects::new(&linear), flight, flights: flights.len() };
+    let rows = |(index, flight): (usize, &&Prepared)| {
+        let targets = flight.targets(&model.vehicle, &model.adjustments(), flight.fit_stride());
+        flight.rows_of_fit(targets, flight.columns_of_terms(&terms(index), model))
+    };
+    let rows: Vec<FlightRows> = flights.iter().enumerate().map(rows).collect();
+    let solution = least_squares::solve(&rows, &vec![None; count + 2 * flights.len()]).ok()?;
+    let errors = solution.covariance.diagonal();
+    let mut estimates = (0..count).map(|k| (solution.value[k], errors[k].max(0.0).sqrt()));
+    let mut fitted = model.clone();
+    for term in linear.iter().filter(|effect| coefficient_count(**effect) > 0) {
+        let term = fitted.terms.iter_mut().find(|own| own.effect == *term)?;
+        for (coefficient, (value, error)) in term.coefficients.iter_mut().zip(&mut estimates) {
+            (coefficient.value, coefficient.std_error) = (value, Some(error));
+        }
+    }
+    Some(fitted)
+}
+
+/// Linear effects, and a push of each flight, north and east, of which a flight has its own only.
+struct Pushed {
+    effects: LinearEffects,
+    flight: usize,
+    flights: usize,
+}
+
+impl Terms for Pushed {
+    fn count(&self) -> usize {
+        self.effects.count + 2 * self.flights
+    }
+
+    fn lags(&self) -> Vec<LagId> {
+        self.effects.lags()
+    }
+
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        self.effects.evaluate(sample, sink);
+        for direction in 0..2 {
+            let push = sample.input.dcm.column(direction);
+            let own = self.effects.count + 2 * self.flight + direction;
+            for (axis, value) in [Axis::U, Axis::V, Axis::W].into_iter().zip(push.iter()) {
+                sink.add(axis, own, *value);
+            }
+        }
+    }
+}
+
+/// A model with a drag that a push tells a wind by. Along an axis on which the flights do not show it, it is taken to be as along
+/// the other; nothing where they show it on neither.
+fn with_known_drag(model: &Model) -> Option<Model> {
+    let drag = model.term(Effect::LinearDrag)?;
+    let known = |axis: usize| {
+        let c = drag.coefficients[axis];
+        c.std_error.is_some_and(|error| -c.value > DETERMINED * error).then_some(c)
+    };
+    let along = [known(0), known(1)];
+    let mut model = model.clone();
+    let drag = model.terms.iter_mut().find(|term| term.effect == Effect::LinearDrag)?;
+    for (axis, coefficient) in drag.coefficients[..2].iter_mut().enumerate() {
+        *coefficient = along[axis].or(along[1 - axis])?;
+    }
+    Some(model)
 }
 
 /// The wind of a flight by itself, north and east.
@@ -126,6 +198,40 @@ mod tests {
             let wind = flight.wind_ned_m_s;
             assert!((wind.x - expected).abs() < 0.1 && (wind.y - 0.3).abs() < 0.1 && wind.z == 0.0, "{wind}");
         }
+    }
+
+    /// A fit that takes the flights for flights in one wind gets another drag.
+    #[test]
+    fn the_drag_beside_pushes_is_the_crafts() {
+        let flights = flown(&[0.0, -4.0, -8.0]);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let drag = |model: &Model| {
+            let c = &model.term(Effect::LinearDrag).unwrap().coefficients;
+            [c[0], c[1]]
+        };
+        let [real, _] = drag(&truth()).map(|c| c.value);
+        let together = crate::fit(&flights, &truth().vehicle, &truth().effects(), None).unwrap().model;
+        let [off, _] = drag(&together).map(|c| c.value);
+        let [forward, sideward] = drag(&beside_pushes(&flights, &together).unwrap());
+        for found in [forward, sideward] {
+            assert!((found.value / real - 1.0).abs() < 0.1, "{} of {real} N s/m", found.value);
+            assert!(found.std_error.unwrap() < 0.1 * -real);
+        }
+        assert!((off / real - 1.0).abs() > 0.2, "{off} of {real} N s/m");
+    }
+
+    /// Along an axis that no flight excites the drag is as along the other.
+    #[test]
+    fn a_drag_that_is_known_along_one_axis_tells_the_wind() {
+        let mut model = known();
+        let drag = model.terms.iter_mut().find(|term| term.effect == Effect::LinearDrag).unwrap();
+        let forward = drag.coefficients[0].value;
+        (drag.coefficients[1].value, drag.coefficients[1].std_error) =
+            (0.1 * forward, Some(0.1 * forward.abs()));
+        let taken = with_known_drag(&model).unwrap();
+        assert_eq!(taken.term(Effect::LinearDrag).unwrap().coefficients[1].value, forward);
+        model.terms.retain(|term| term.effect != Effect::LinearDrag);
+        assert!(with_known_drag(&model).is_none());
     }
 
     #[test]
