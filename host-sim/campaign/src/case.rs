@@ -2,8 +2,8 @@
 
 use control::state_machine::{Action, action};
 use control::{Condition, Conditions, State};
-use sil::endurance::{Crash, fly_watched, impossible};
-use sil::{FlightPlan, Recording, ScenarioResult};
+use sil::endurance::{Crash, Feasibility, Watched, fly_watched};
+use sil::{FlightPlan, Recording, ScenarioResult, SilError};
 
 use crate::draw::{Drawn, Flies};
 use crate::error::CampaignError;
@@ -72,14 +72,61 @@ impl Ready<'_> {
         self.fly_as(case, self.plan.drawn(case.draw, &self.model))
     }
 
+    /// What comes of cases, by their numbers.
+    pub(crate) fn flown(&self, numbers: &[u64]) -> Result<Vec<Flown>, CampaignError> {
+        let case = |number: &u64| {
+            let case = self.plan.case(*number)?;
+            Ok((case, self.plan.drawn(case.draw, &self.model)))
+        };
+        let cases = numbers.iter().map(case).collect::<Result<_, CampaignError>>()?;
+        self.fly_all(cases).map(|flight| Ok(flight?.flown)).collect()
+    }
+
     /// Flies a case with other numbers than were drawn for it.
     pub(crate) fn fly_as(&self, case: Case, drawn: Drawn) -> Result<CaseFlight, CampaignError> {
-        let flies = self.flies[case.scenario];
-        let plan = drawn.plan(flies, &self.configs[case.gains]);
-        let refused = |why: sil::SilError| CampaignError::Flight { case: case.number, why: why.to_string() };
+        let mut flown = self.fly_all(vec![(case, drawn)]);
+        flown.next().unwrap_or(Err(CampaignError::NoSuchCase { case: case.number, cases: self.plan.cases() }))
+    }
+
+    /// Flies cases with these numbers side by side, each as if it was alone.
+    pub(crate) fn fly_all(
+        &self,
+        cases: Vec<(Case, Drawn)>,
+    ) -> impl Iterator<Item = Result<CaseFlight, CampaignError>> {
+        let flights: Vec<Planned> =
+            cases.into_iter().map(|(case, drawn)| Planned::new(self, case, drawn)).collect();
+        let watched = fly_watched(&flights.iter().map(|flight| &flight.plan).collect::<Vec<_>>());
+        let mut feasibility = Feasibility::default();
+        let came = flights.into_iter().zip(watched);
+        came.map(move |(flight, watched)| flight.came_of(watched, &mut feasibility))
+    }
+}
+
+/// A flight before it is flown.
+struct Planned {
+    case: Case,
+    drawn: Drawn,
+    flies: Flies,
+    plan: FlightPlan,
+}
+
+impl Planned {
+    fn new(ready: &Ready<'_>, case: Case, drawn: Drawn) -> Self {
+        let flies = ready.flies[case.scenario];
+        Self { case, flies, plan: drawn.plan(flies, &ready.configs[case.gains]), drawn }
+    }
+
+    /// What came of it.
+    fn came_of(
+        self,
+        watched: Result<Watched, SilError>,
+        feasibility: &mut Feasibility,
+    ) -> Result<CaseFlight, CampaignError> {
+        let Self { case, drawn, flies, plan } = self;
+        let refused = |why: SilError| CampaignError::Flight { case: case.number, why: why.to_string() };
+        let watched = watched.map_err(refused)?;
         // Whether anybody could have flown it is no matter of how it was flown.
-        let reason = impossible(&plan);
-        let watched = fly_watched(&plan).map_err(refused)?;
+        let reason = feasibility.impossible(&plan);
         let mut recording = watched.recording;
         let mut lost = watched.crash.map(|(crash, at_s)| (told(&crash), at_s));
         let tilted = recording.rows.iter().position(|row| row.truth.upright() <= 0.0);
@@ -151,4 +198,34 @@ fn tilt_deg(recording: &Recording) -> f64 {
 fn height_error_m(recording: &Recording) -> f64 {
     let square = |row: &sil::Row| f64::from(row.truth.position_m[2] - row.output.z_command_m).powi(2);
     (recording.rows.iter().map(square).sum::<f64>() / recording.rows.len().max(1) as f64).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::definition::Definition;
+
+    /// Two scenarios under two gains over everything that is not known: of each flight comes what comes of it alone.
+    #[test]
+    fn cases_flown_together_are_those_that_each_is_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("c.toml");
+        let text = "name = \"all\"\ndraws = 9\nscenarios = [\"tour\", \"roll-10\"]\n[unknown]\nmass_kg = [-0.1, 0.3]\n\
+                    center_of_mass_m = [-0.004, 0.004]\nthrust_loss = [-0.03, 0.05]\nrotor_lag_s = [-0.008, 0.008]\n\
+                    dead_time_s = [0.0, 0.015]\nwind_m_s = [-0.5, 0.5]\nwind_shear_per_s = [-0.3, 0.3]\ngust_m_s = [0.0, 0.5]\n\
+                    battery_v = [-0.6, 0.5]\ndelay_samples = [0, 3]\nnoise = [0.5, 2.0]\nstart_m = [-0.5, 0.5]\nfault = 0.5\n";
+        std::fs::write(&path, text).unwrap();
+        let plan = Plan::new(&Definition::read(&path).unwrap(), &path, None).unwrap();
+        let ready = plan.ready(&path).unwrap();
+        let numbers: Vec<u64> = (0..plan.cases()).collect();
+        let together = ready.flown(&numbers).unwrap();
+        assert_eq!(together.len(), 36);
+        for (number, one) in numbers.iter().zip(&together) {
+            let alone = ready.fly(plan.case(*number).unwrap()).unwrap().flown;
+            // Text, because there are quantities without a value.
+            assert_eq!(format!("{alone:?}"), format!("{one:?}"));
+        }
+        let lost = together.iter().filter(|one| one.lost.is_some()).count();
+        assert!((1..36).contains(&lost), "{lost} lost: some flights end early");
+    }
 }

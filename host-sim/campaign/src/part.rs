@@ -44,8 +44,8 @@ pub(crate) fn sealed(folder: &Path, shard: u64, shards: u64) -> Option<Seal> {
     serde_json::from_str(&text).ok()
 }
 
-/// Cases that are flown before somebody hears of them.
-const AT_ONCE: usize = 64;
+/// Cases that one core flies side by side.
+pub(crate) const TOGETHER: usize = 32;
 
 /// Flies a shard of a plan into a folder, on all cores, unless it is there already; `told` hears how many cases were flown and how many of
 /// these were lost. Whether it was flown now.
@@ -69,10 +69,15 @@ pub fn run_shard(
     }
     let ready = plan.ready(plan_path)?;
     let mut all = Vec::new();
-    for first in cases.clone().step_by(AT_ONCE) {
-        let some = first..cases.end.min(first + AT_ONCE as u64);
-        let fly = |number: u64| Ok(ready.fly(plan.case(number)?)?.flown);
-        let flown: Vec<Flown> = some.into_par_iter().map(fly).collect::<Result<_, CampaignError>>()?;
+    // Somebody hears of them when each core has flown some.
+    let at_once = TOGETHER * rayon::current_num_threads().max(2);
+    for first in cases.clone().step_by(at_once) {
+        let some: Vec<u64> = (first..cases.end.min(first + at_once as u64)).collect();
+        let flown: Vec<Vec<Flown>> = some
+            .par_chunks(TOGETHER)
+            .map(|numbers| ready.flown(numbers))
+            .collect::<Result<_, CampaignError>>()?;
+        let flown = flown.concat();
         told(flown.len() as u64, flown.iter().filter(|one| one.lost.is_some()).count() as u64);
         all.extend(flown);
     }

@@ -20,6 +20,7 @@ use crate::causes::{Causes, Needed, is_whole};
 use crate::definition::{Normal, Samples, Spread, Unknown, limits};
 use crate::draw::{DELAY, Drawn, Input, parts};
 use crate::error::CampaignError;
+use crate::part::TOGETHER;
 use crate::plan::{Case, Plan, Ready};
 
 /// Flights that go together.
@@ -124,7 +125,10 @@ impl CostFunction for &Trials<'_> {
         Self: argmin::core::SyncAlias,
     {
         let points: Vec<&Vec<f64>> = points.iter().map(std::borrow::Borrow::borrow).collect();
-        let found: Vec<f64> = points.par_iter().map(|point| self.cost(point)).collect::<Result<_, _>>()?;
+        let drawn = |points: &[&Vec<f64>]| points.iter().map(|point| self.at(point)).collect();
+        let fly = |points: &[&Vec<f64>]| badnesses(self.ready, self.case, drawn(points));
+        let found: Vec<Vec<f64>> = points.par_chunks(SWARM / 3).map(fly).collect::<Result<_, _>>()?;
+        let found = found.concat();
         self.all.lock().unwrap_or_else(PoisonError::into_inner).extend(&found);
         Ok(found)
     }
@@ -137,6 +141,12 @@ fn badness(flown: &Flown) -> f64 {
         (None, Some((_, after_s))) => -1.0 - (1.0 - after_s / flown.duration_s).clamp(0.0, 1.0),
         (None, None) => -0.5 * (flown.tilt_deg / 90.0).min(1.0) - 0.5 * flown.height_error_m.min(1.0),
     }
+}
+
+/// How bad flights of a case with these numbers are.
+fn badnesses(ready: &Ready<'_>, case: Case, drawn: Vec<Drawn>) -> Result<Vec<f64>, CampaignError> {
+    let cases = drawn.into_iter().map(|drawn| (case, drawn)).collect();
+    ready.fly_all(cases).map(|flight| Ok(badness(&flight?.flown))).collect()
 }
 
 impl Plan {
@@ -199,16 +209,20 @@ impl Plan {
     /// How bad as many draws of the same numbers are, in the same flight.
     fn sampled(&self, trials: &Trials<'_>, flights: u64) -> Result<Vec<f64>, CampaignError> {
         let Trials { ready, case, nominal, dimensions, .. } = *trials;
-        let fly = |draw: u64| {
-            let own = self.drawn(draw, &ready.model);
+        let numbers = |draw: &u64| {
+            let own = self.drawn(*draw, &ready.model);
             let is_searched = |input: &Input| dimensions.iter().any(|dimension| dimension.name == input.name);
             let value = |input: &Input| match own.value(&input.name) {
                 Some(value) if is_searched(input) => value,
                 _ => input.usual,
             };
-            Ok(badness(&ready.fly_as(case, nominal.changed(value, false, &ready.model))?.flown))
+            nominal.changed(value, false, &ready.model)
         };
-        (0..flights).into_par_iter().map(fly).collect()
+        let fly = |draws: &[u64]| badnesses(ready, case, draws.iter().map(numbers).collect());
+        let draws: Vec<u64> = (0..flights).collect();
+        let found: Vec<Vec<f64>> =
+            draws.par_chunks(TOGETHER).map(fly).collect::<Result<_, CampaignError>>()?;
+        Ok(found.concat())
     }
 }
 

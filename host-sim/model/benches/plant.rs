@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::Motion;
+use common::{Formation, Motion};
 use divan::Bencher;
 
 fn main() {
@@ -20,4 +20,17 @@ fn one_substep(bencher: Bencher) {
 fn four_substeps(bencher: Bencher) {
     let mut motion = Motion::new(4);
     bencher.bench_local(|| motion.step());
+}
+
+/// Eight craft.
+#[divan::bench(sample_size = 1000)]
+fn eight_side_by_side(bencher: Bencher) {
+    let mut formation = Formation::new(4);
+    bencher.bench_local(|| formation.step());
+}
+
+#[divan::bench(sample_size = 1000)]
+fn eight_one_by_one(bencher: Bencher) {
+    let mut formation = Formation::new(4);
+    bencher.bench_local(|| formation.step_each());
 }

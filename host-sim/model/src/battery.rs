@@ -27,6 +27,7 @@ impl Battery {
     }
 
     /// Terminal voltage at `time_s` with rotors at `rotor_rad_s`.
+    #[inline]
     pub fn voltage_v(&self, time_s: f64, rotor_rad_s: &[f64; 4]) -> f64 {
         if self.hover_sag_v == 0.0 {
             return self.full_v - self.decay_v_per_s * time_s;

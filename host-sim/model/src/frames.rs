@@ -32,6 +32,7 @@ pub fn euler_from_dcm(dcm: &Matrix3<f64>) -> Vector3<f64> {
 }
 
 /// Direction cosine matrix (inertial to body) of a unit quaternion (body to inertial).
+#[inline(always)]
 pub fn dcm_from_quaternion(q: &Vector4<f64>) -> Matrix3<f64> {
     let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
     Matrix3::new(
@@ -71,6 +72,7 @@ pub fn euler_from_quaternion(q: &Vector4<f64>) -> Vector3<f64> {
 }
 
 /// Time derivative of the quaternion for body rates in rad/s: q' = 1/2 q (0, omega).
+#[inline(always)]
 pub fn quaternion_derivative(q: &Vector4<f64>, rate_rad_s: &Vector3<f64>) -> Vector4<f64> {
     let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
     let (p, qq, r) = (rate_rad_s.x, rate_rad_s.y, rate_rad_s.z);

@@ -54,7 +54,7 @@ pub use model::{Correlation, Model, Term};
 pub use model_file::ModelError;
 pub use pendulum::Pendulum;
 pub use physical::{PhysicalParameter, physical_parameters};
-pub use plant::{DelayLine, Plant, State, Substeps};
+pub use plant::{Abreast, DelayLine, Hold, Holds, LANES, Plant, State, Substeps};
 pub use quantity::{COMBINATIONS, QUANTITIES, Quantity};
 pub use rotor_quantity::RotorQuantity;
 pub use sample::{Further, MAX_FURTHER, NO_FURTHER, Sample, SampleInput, Surroundings};

@@ -5,6 +5,7 @@
 //! version 1. Numbers are written with the shortest digits that read back to the same bits, so a model round-trips exactly.
 
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use serde::{Deserialize, Serialize};
 
@@ -166,8 +167,13 @@ impl Model {
     /// The thesis' identified model (tables 4.2 to 4.12), with C_T unrounded as reference section 1 finds it behind
     /// the printed K^-1.
     pub fn thesis() -> Self {
-        let text = include_str!("../vehicles/f330-model.toml");
-        Self::parse(text, Path::new("f330-model.toml")).expect("the model file in the source tree is tested")
+        // Each simulated flight begins with it.
+        static THESIS: LazyLock<Model> = LazyLock::new(|| {
+            let text = include_str!("../vehicles/f330-model.toml");
+            let model = Model::parse(text, Path::new("f330-model.toml"));
+            model.expect("the model file in the source tree is tested")
+        });
+        THESIS.clone()
     }
 
     /// Reads and checks a model file.

@@ -20,7 +20,7 @@ impl Default for Pendulum {
 
 impl Pendulum {
     /// The swing after `time_s` at a rate.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn moved(&self, rate: &Self, time_s: f64) -> Self {
         Self {
             direction: self.direction + time_s * rate.direction,

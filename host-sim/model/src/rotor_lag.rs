@@ -27,7 +27,7 @@ impl RotorLag {
 }
 
 /// Where a signal is of whose distance to a held command, at `start`, the part `decay` is left.
-#[inline]
+#[inline(always)]
 pub fn decayed(start: f64, commanded: f64, decay: f64) -> f64 {
     commanded + (start - commanded) * decay
 }

@@ -58,6 +58,47 @@ impl Constants {
     }
 }
 
+/// Numbers in the constants of a vehicle.
+pub(crate) const CONSTANTS: usize = 26;
+
+impl Constants {
+    /// Its numbers one after the other.
+    pub(crate) fn numbers(&self) -> [f64; CONSTANTS] {
+        let mut numbers = [0.0; CONSTANTS];
+        let [x, y] = [0, 1].map(|axis| self.hub_m.map(|hub| hub[axis]));
+        numbers[..6].copy_from_slice(&[
+            self.per_mass,
+            self.beta_kg_m,
+            self.rotor_radius_m,
+            self.arm_length_m,
+            self.air_density_kg_m3,
+            self.gravity_m_s2,
+        ]);
+        let by_rotor = [self.roll_arm_kg_m2, self.pitch_arm_kg_m2, self.spin, x, y];
+        numbers[6..].copy_from_slice(by_rotor.as_flattened());
+        numbers
+    }
+
+    /// Of [`Self::numbers`], which `number` gives by their places.
+    #[inline(always)]
+    pub(crate) fn from_numbers(number: impl Fn(usize) -> f64, changes_thrust: bool) -> Self {
+        let by_rotor = |k: usize| std::array::from_fn(|rotor| number(6 + 4 * k + rotor));
+        Self {
+            per_mass: number(0),
+            beta_kg_m: number(1),
+            rotor_radius_m: number(2),
+            arm_length_m: number(3),
+            air_density_kg_m3: number(4),
+            gravity_m_s2: number(5),
+            roll_arm_kg_m2: by_rotor(0),
+            pitch_arm_kg_m2: by_rotor(1),
+            spin: by_rotor(2),
+            changes_thrust,
+            hub_m: std::array::from_fn(|rotor| [number(18 + rotor), number(22 + rotor)]),
+        }
+    }
+}
+
 /// Most further columns of flight files that formulas can name in one program.
 pub const MAX_FURTHER: usize = 8;
 
@@ -171,6 +212,7 @@ impl<'a> Sample<'a> {
 
     /// Signed sum of the rotor speeds: + for rotors that yaw the craft right, the S = w1 - w2 + w3 - w4 of the thesis
     /// (reference section 5), rad/s.
+    #[inline(always)]
     pub fn signed_rotor_sum_rad_s(&self) -> f64 {
         let (w, s) = (&self.input.rotor_rad_s, &self.constants.spin);
         s[0] * w[0] + s[1] * w[1] + s[2] * w[2] + s[3] * w[3]

@@ -144,6 +144,7 @@ pub struct RotorMap {
 
 impl RotorMap {
     /// Commanded rotor speed in rad/s, never below zero: an electronic speed controller does not brake into reverse.
+    #[inline]
     pub fn speed_rad_s(&self, command: f64, battery_v: f64) -> f64 {
         (self.command * command + self.voltage * battery_v + self.offset).max(0.0)
     }

@@ -4,7 +4,7 @@ use numpy::{PyReadonlyArray2, PyReadwriteArray1, PyReadwriteArray2, PyUntypedArr
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use sil::SilError;
-use sil::environment::{ACTIONS, ActionKind, Environment, ObservationKind, Stepped, Task};
+use sil::environment::{ACTIONS, ActionKind, Environments, ObservationKind, Stepped, Task};
 
 use crate::QuadlabError;
 use crate::simulation::Conditions;
@@ -26,13 +26,13 @@ struct Wanted {
 /// Craft of one model, each in an episode of its own.
 #[pyclass(module = "quadlab._quadlab")]
 pub(crate) struct Crafts {
-    all: Vec<One>,
+    all: Environments,
+    episodes: Vec<Episode>,
     numbers: usize,
 }
 
-struct One {
-    environment: Environment,
-    /// Seed of its next episode.
+struct Episode {
+    /// Seed of the next one.
     seed: u64,
     is_over: bool,
 }
@@ -45,17 +45,9 @@ impl Crafts {
         let (task, conditions): (Wanted, Conditions) = (wanted.extract()?, wanted.extract()?);
         let task = task.with(&conditions).map_err(QuadlabError::new_err)?;
         let numbers = task.observation.numbers();
-        let all = py.detach(|| {
-            let environment = Environment::new(task, 0)?;
-            // What they have in common is worked out once.
-            let make = |seed| {
-                let mut one = One { environment: environment.clone(), seed, is_over: false };
-                one.environment.reset(seed);
-                one
-            };
-            Ok((0..count as u64).map(make).collect())
-        });
-        Ok(Self { all: all.map_err(refused)?, numbers })
+        let all = py.detach(|| Environments::new(task, count)).map_err(refused)?;
+        let episodes = (0..count as u64).map(|seed| Episode { seed, is_over: false }).collect();
+        Ok(Self { all, episodes, numbers })
     }
 
     /// Numbers in an observation.
@@ -67,7 +59,7 @@ impl Crafts {
     /// Time of a tick, s.
     #[getter]
     fn period_s(&self) -> f64 {
-        self.all.first().map_or(0.0, |one| one.environment.task().plan.config.sample_time_s)
+        self.all.all().first().map_or(0.0, |one| one.task().plan.config.sample_time_s)
     }
 
     /// Begins new episodes where `which` is not 0, with these seeds.
@@ -79,19 +71,19 @@ impl Crafts {
         mut observations: PyReadwriteArray2<'_, f32>,
     ) -> PyResult<()> {
         let rows = self.rows(observations.as_slice_mut()?)?;
-        if seeds.len() != self.all.len() || which.len() != self.all.len() {
+        let count = self.episodes.len();
+        if seeds.len() != count || which.len() != count {
             return Err(PyValueError::new_err(format!(
-                "give a seed and a mark for each of the {} craft",
-                self.all.len()
+                "give a seed and a mark for each of the {count} craft"
             )));
         }
-        let all = &mut self.all;
+        let Self { all, episodes, .. } = self;
         py.detach(|| {
-            let each = all.iter_mut().zip(rows).zip(seeds).zip(which);
-            for (((one, row), seed), _) in each.filter(|(_, begins)| *begins) {
-                one.seed = seed;
-                one.begin();
-                one.environment.observe(row);
+            let each = episodes.iter_mut().enumerate().zip(rows).zip(seeds).zip(which);
+            for ((((number, episode), row), seed), _) in each.filter(|(_, begins)| *begins) {
+                episode.seed = seed;
+                all.reset(number, episode.begin());
+                all.all()[number].observe(row);
             }
         });
         Ok(())
@@ -109,7 +101,7 @@ impl Crafts {
         mut truncated: PyReadwriteArray1<'_, bool>,
         autoreset: bool,
     ) -> PyResult<()> {
-        let count = self.all.len();
+        let count = self.episodes.len();
         if actions.shape() != [count, ACTIONS] {
             return Err(PyValueError::new_err(format!(
                 "actions: have the shape {:?}, expected ({count}, {ACTIONS})",
@@ -124,15 +116,21 @@ impl Crafts {
                 "results: give arrays of {count}, one number for each craft"
             )));
         }
-        let all = &mut self.all;
+        let Self { all, episodes, .. } = self;
         py.detach(|| {
             let (actions, _) = actions.as_chunks::<ACTIONS>();
-            let results = rewards.iter_mut().zip(terminated).zip(truncated);
-            for (((one, row), action), ((reward, terminated), truncated)) in
-                all.iter_mut().zip(rows).zip(actions).zip(results)
-            {
-                (*reward, *terminated, *truncated) = one.step(action, autoreset);
-                one.environment.observe(row);
+            let begins: Vec<bool> = episodes.iter().map(|episode| episode.is_over && autoreset).collect();
+            let action = |number: usize| (!begins[number]).then_some(&actions[number]);
+            all.step(action, |number, Stepped { reward, terminated: lost, truncated: ended }| {
+                (rewards[number], terminated[number], truncated[number]) = (reward, lost, ended);
+                episodes[number].is_over = lost || ended;
+            });
+            for (number, row) in rows.enumerate() {
+                if begins[number] {
+                    all.reset(number, episodes[number].begin());
+                    (rewards[number], terminated[number], truncated[number]) = (0.0, false, false);
+                }
+                all.all()[number].observe(row);
             }
         });
         Ok(())
@@ -141,11 +139,11 @@ impl Crafts {
 
 impl Crafts {
     fn rows<'a>(&self, observations: &'a mut [f32]) -> PyResult<std::slice::ChunksExactMut<'a, f32>> {
-        if observations.len() != self.numbers * self.all.len() {
+        let count = self.episodes.len();
+        if observations.len() != self.numbers * count {
             return Err(PyValueError::new_err(format!(
-                "observations: have {} numbers, expected ({}, {})",
+                "observations: have {} numbers, expected ({count}, {})",
                 observations.len(),
-                self.all.len(),
                 self.numbers
             )));
         }
@@ -153,22 +151,14 @@ impl Crafts {
     }
 }
 
-impl One {
-    fn begin(&mut self) {
-        self.environment.reset(self.seed);
+impl Episode {
+    /// The next one begins: its seed.
+    fn begin(&mut self) -> u64 {
+        let own = self.seed;
         // The next episode is another one, and the same whenever the first was.
-        self.seed = self.seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        self.seed = own.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
         self.is_over = false;
-    }
-
-    fn step(&mut self, action: &[f32; ACTIONS], autoreset: bool) -> (f64, bool, bool) {
-        if self.is_over && autoreset {
-            self.begin();
-            return (0.0, false, false);
-        }
-        let Stepped { reward, terminated, truncated } = self.environment.step(action);
-        self.is_over = terminated || truncated;
-        (reward, terminated, truncated)
+        own
     }
 }
 

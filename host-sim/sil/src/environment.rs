@@ -12,7 +12,7 @@ use nalgebra::{Vector3, Vector4};
 use pattern::random::{Purpose, stream};
 use rand::RngExt;
 
-use crate::craft::{Delay, Faults, Sensors, SimulatedCraft};
+use crate::craft::{Delay, Faults, Sensors, SimulatedCraft, Team};
 use crate::flight::{FlightPlan, SilError};
 use crate::flight_computer::{FlightComputer, InProcess};
 
@@ -89,6 +89,83 @@ pub struct Stepped {
     pub truncated: bool,
 }
 
+/// What an action does to the motors.
+struct Motors {
+    action: [f32; ACTIONS],
+    /// What they get, command units.
+    motors: [f32; 4],
+    voltage_v: f64,
+}
+
+/// Many craft of one task, each in an episode of its own. They are advanced side by side: the same bits as each by itself, sooner.
+#[derive(Debug, Clone)]
+pub struct Environments {
+    all: Vec<Environment>,
+    team: Team,
+    /// Their plant can be advanced with others.
+    with_others: bool,
+}
+
+impl Environments {
+    /// So many, each at the start of the episode whose seed is its number.
+    ///
+    /// # Errors
+    /// As [`Environment::new`].
+    pub fn new(task: Task, count: usize) -> Result<Self, SilError> {
+        // What they have in common is worked out once.
+        let first = Environment::new(task, 0)?;
+        let make = |seed| {
+            let mut one = first.clone();
+            one.reset(seed);
+            one
+        };
+        let mut team = Team::new();
+        let with_others = (0..Team::SIZE).all(|lane| team.enter(lane, &first.episode.craft));
+        Ok(Self { all: (0..count as u64).map(make).collect(), team, with_others })
+    }
+
+    /// Each of them.
+    pub fn all(&self) -> &[Environment] {
+        &self.all
+    }
+
+    /// Begins the episode of a seed with one of them, by its number.
+    pub fn reset(&mut self, number: usize, seed: u64) {
+        self.all[number].reset(seed);
+    }
+
+    /// One tick, as [`Environment::step`], of those that there is an action for; what came of each.
+    pub fn step<'a>(
+        &mut self,
+        action: impl Fn(usize) -> Option<&'a [f32; ACTIONS]>,
+        mut came: impl FnMut(usize, Stepped),
+    ) {
+        let Self { all, team, with_others } = self;
+        for (chunk, some) in all.chunks_mut(Team::SIZE).enumerate() {
+            let mut begun = [const { None }; Team::SIZE];
+            for (lane, one) in some.iter_mut().enumerate() {
+                let Some(action) = action(chunk * Team::SIZE + lane) else { continue };
+                let motors = one.motors(action);
+                let craft = &mut one.episode.craft;
+                if *with_others {
+                    team.begin_tick(lane, craft, &motors.motors, motors.voltage_v);
+                } else {
+                    craft.advance(&motors.motors, motors.voltage_v);
+                }
+                begun[lane] = Some(motors);
+            }
+            team.advance();
+            for (lane, one) in some.iter_mut().enumerate() {
+                let Some(Motors { action, .. }) = &begun[lane] else { continue };
+                if *with_others {
+                    team.end_tick(lane, &mut one.episode.craft);
+                }
+                came(chunk * Team::SIZE + lane, one.end_tick(action));
+            }
+        }
+    }
+}
+
 /// A craft that flies one episode after the other.
 #[derive(Debug, Clone)]
 pub struct Environment {
@@ -146,10 +223,16 @@ impl Environment {
 
     /// One tick with an action; parts of it beyond -1 and 1 count as these, and what is no number as 0.
     pub fn step(&mut self, action: &[f32; ACTIONS]) -> Stepped {
+        let Motors { action, motors, voltage_v } = self.motors(action);
+        self.episode.craft.advance(&motors, voltage_v);
+        self.end_tick(&action)
+    }
+
+    /// What an action does to the motors.
+    fn motors(&mut self, action: &[f32; ACTIONS]) -> Motors {
         let action = action.map(|part| if part.is_nan() { 0.0 } else { part.clamp(-1.0, 1.0) });
         let plan = &self.task.plan;
-        let period_s = plan.config.sample_time_s;
-        let time_s = f64::from(self.episode.tick) * period_s;
+        let time_s = f64::from(self.episode.tick) * plan.config.sample_time_s;
         let [low, high] = plan.config.command_range.map(|end| end as f32);
         let pwm = match &self.episode.law {
             None => action.map(|part| low + 0.5 * (part + 1.0) * (high - low)),
@@ -157,11 +240,14 @@ impl Environment {
         };
         let plan = &self.task.plan;
         let motors = self.episode.faults.motors(&plan.faults, time_s, pwm, plan.config.command_range);
-        let voltage_v = self.episode.craft.voltage_v();
-        self.episode.craft.advance(&motors, voltage_v);
+        Motors { action, motors, voltage_v: self.episode.craft.voltage_v() }
+    }
+
+    /// What comes after the craft has advanced.
+    fn end_tick(&mut self, action: &[f32; ACTIONS]) -> Stepped {
         self.episode.tick += 1;
         self.episode.sense();
-        self.judged(&action, period_s)
+        self.judged(action)
     }
 
     /// What the flight law makes of an action.
@@ -215,7 +301,8 @@ impl Environment {
         self.episode.craft.state.position_ned_m - Vector3::from(self.task.plan.start_m)
     }
 
-    fn judged(&self, action: &[f32; ACTIONS], period_s: f64) -> Stepped {
+    fn judged(&self, action: &[f32; ACTIONS]) -> Stepped {
+        let period_s = self.task.plan.config.sample_time_s;
         let state = &self.episode.craft.state;
         let away_m = self.away_m();
         let upright = frames::dcm_from_quaternion(&state.attitude)[(2, 2)];
@@ -376,6 +463,30 @@ mod tests {
         environment.observe(&mut again);
         assert_eq!(again, first);
         assert_eq!(episode(&mut environment, [0.1, -0.1, 0.0, 0.2]), flown);
+    }
+
+    /// Many step as each by itself, also where some wait.
+    #[test]
+    fn many_craft_step_as_each_by_itself() {
+        let mut drawn = task(ActionKind::Position);
+        drawn.plan.noise = Some(NoiseModel::default());
+        (drawn.start_m, drawn.start_m_s, drawn.start_rad) = (0.3, 0.5, 0.2);
+        let mut many = Environments::new(drawn.clone(), 11).unwrap();
+        let mut alone: Vec<Environment> =
+            (0..11).map(|seed| Environment::new(drawn.clone(), seed).unwrap()).collect();
+        let action = |number: usize| [0.1 * number as f32 - 0.5, 0.2, -0.1, 0.0];
+        let actions: Vec<[f32; 4]> = (0..11).map(action).collect();
+        let waits = |number: usize, tick: usize| number == 4 && tick % 3 == 0;
+        for tick in 0..100 {
+            let mut came = vec![None; 11];
+            let given = |number: usize| (!waits(number, tick)).then_some(&actions[number]);
+            many.step(given, |number, stepped| came[number] = Some(stepped));
+            for (number, one) in alone.iter_mut().enumerate() {
+                let expected = (!waits(number, tick)).then(|| one.step(&actions[number]));
+                assert_eq!(came[number], expected, "{number}, {tick}");
+                assert_eq!(one.episode.craft.state, many.all()[number].episode.craft.state);
+            }
+        }
     }
 
     /// A craft with a dead motor tumbles under the law that holds it otherwise; numbers that are none count as 0.

@@ -50,7 +50,7 @@ struct Peer {
     read: fn(&str, &Throughput) -> Option<Throughput>,
 }
 
-const ALL: [Peer; 4] = [
+const ALL: [Peer; 5] = [
     Peer {
         name: "C, another plant and controller (gcc -O3 -march=native)",
         bench: "flight_throughput",
@@ -60,6 +60,18 @@ const ALL: [Peer; 4] = [
             let line = line_of(output, "C reference")?;
             let amount = line.get("steps")?.as_f64()?;
             Some(Throughput { work: ours.work.clone(), amount, cpu_s: line.get("cpu")?.as_f64()? })
+        },
+    },
+    Peer {
+        name: "C++ with vector instructions in f64, another plant and controller (g++ -O3 -march=native -ffast-math)",
+        bench: "many_flights_throughput",
+        prepare: compile_vector_reference,
+        command: |peers| Command::new(peers.made("w2_simd")),
+        read: |output, ours| {
+            let line = line_of(output, "C++ AVX-512")?;
+            let cpu_s = line.get("cpu")?.as_f64()?;
+            let amount = line.get("flight_s_per_cpu_s")?.as_f64()? * cpu_s;
+            Some(Throughput { work: ours.work.clone(), amount, cpu_s })
         },
     },
     Peer {
@@ -157,6 +169,13 @@ fn compile_reference(peers: &Peers) -> Result<()> {
     let mut gcc = Command::new("gcc");
     gcc.args(["-O3", "-march=native", "-o"]).arg(peers.made("w1_c")).arg(source).arg("-lm");
     output_of(&mut gcc).map(drop)
+}
+
+fn compile_vector_reference(peers: &Peers) -> Result<()> {
+    let source = peers.reference("w2_simd.cpp")?;
+    let mut compiler = Command::new("g++");
+    compiler.args(["-w", "-O3", "-march=native", "-ffast-math", "-mprefer-vector-width=512", "-o"]);
+    output_of(compiler.arg(peers.made("w2_simd")).arg(source).args(["-lmvec", "-lm"])).map(drop)
 }
 
 fn importable(peers: &Peers, module: &str) -> Result<()> {

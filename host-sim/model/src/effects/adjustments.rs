@@ -30,8 +30,14 @@ impl Adjustments {
 
     /// Rotor speed in rad/s after the voltage correction.
     pub fn corrected_speed_rad_s(&self, speed_rad_s: f64, battery_v: f64) -> f64 {
+        self.corrected_at(battery_v)(speed_rad_s)
+    }
+
+    /// Rotor speeds in rad/s after the correction for a voltage.
+    #[inline(always)]
+    pub(crate) fn corrected_at(&self, battery_v: f64) -> impl Fn(f64) -> f64 {
         let change = self.speed_change_rad_s(battery_v);
-        if change == 0.0 { speed_rad_s } else { (speed_rad_s + change).max(0.0) }
+        move |speed_rad_s| if change == 0.0 { speed_rad_s } else { (speed_rad_s + change).max(0.0) }
     }
 
     /// The motor map after the voltage correction.
@@ -115,6 +121,26 @@ impl Adjustments {
         sample.air_velocity_m_s = self.air_velocity_m_s(input);
         if constants.changes_thrust {
             sample.rotor_thrust_rad2_s2 = self.changed_thrust(input, sample.air_velocity_m_s, constants);
+        }
+        sample
+    }
+
+    /// The sample of a state, all in line. Where nothing is `ADJUSTED`, these are to leave samples plain.
+    #[inline(always)]
+    pub(crate) fn straight_sample<'a, const ADJUSTED: bool>(
+        &self,
+        input: &'a SampleInput,
+        constants: &'a Constants,
+    ) -> Sample<'a> {
+        let mut sample = Sample::plain(input, constants);
+        if ADJUSTED {
+            let air_velocity_m_s = self.air_velocity_m_s(input);
+            sample.air_velocity_m_s = air_velocity_m_s;
+            if constants.changes_thrust {
+                let thrust =
+                    |rotor| self.thrust_rad2_s2(&AtRotor { rotor, input, air_velocity_m_s, constants });
+                sample.rotor_thrust_rad2_s2 = std::array::from_fn(thrust);
+            }
         }
         sample
     }

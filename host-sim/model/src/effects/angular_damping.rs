@@ -24,7 +24,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     special: Special { of_thesis: true, brakes: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     sink.add(Axis::P, 0, s.input.rate_rad_s.x);
     sink.add(Axis::Q, 1, s.input.rate_rad_s.y);

@@ -15,12 +15,17 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
     through: &["vbat"],
     coefficients: &[
-        Coefficient::new("speed_per_volt", "rad/s/V", (-2000.0, 2000.0), 40.0).in_rotor_speed().in_commands("cmd/V"),
+        Coefficient::new("speed_per_volt", "rad/s/V", (-2000.0, 2000.0), 40.0)
+            .in_rotor_speed()
+            .in_commands("cmd/V"),
         // A map is measured somewhere between a full and an empty battery: a volt or two from the mean.
         Coefficient::new("voltage_shift", "V", (-50.0, 50.0), 1.0).known_to(1.5),
     ],
     excitation: "fly from a full battery to an empty one",
-    confused_with: &[("mass-change", "keep flying: a heavier craft stays as heavy, the battery voltage keeps falling")],
+    confused_with: &[(
+        "mass-change",
+        "keep flying: a heavier craft stays as heavy, the battery voltage keeps falling",
+    )],
     special: Special::NOTHING,
 };
 
@@ -32,6 +37,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], reference_v: f64) -> Self {
         Self { speed_per_volt: c[0], right_at_v: reference_v + c[1] }
     }

@@ -81,6 +81,13 @@ macro_rules! catalogue {
                 }
             }
 
+            /// What matters of them in flight ([`Self::air_velocity_m_s`], [`Self::thrust_rad2_s2`]) by the coefficients of each, which
+            /// `of` gives by its place. Those of an effect that is not there are 0.
+            #[inline(always)]
+            pub(crate) fn in_flight<const N: usize>(of: impl Fn(usize) -> [f64; N]) -> Self {
+                Self { $($other_file: $other_file::Adjustment::new(&of(Place::$other as usize), 0.0),)* }
+            }
+
             /// What each of them changes, where it does not run at every sample.
             pub(super) fn all(&self) -> [&(dyn Adjusting + 'static); ADJUSTING] {
                 [$(&self.$other_file),*]

@@ -21,11 +21,14 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     through: &["v", "u"],
     coefficients: &[coefficient("C_dv_p"), coefficient("C_du_q")],
     excitation: "fly forward and sideways at several speeds, then stop",
-    confused_with: &[("com-offset", "hover: a shifted centre of mass stays, a flapping moment vanishes with the speed")],
+    confused_with: &[(
+        "com-offset",
+        "hover: a shifted centre of mass stays, a flapping moment vanishes with the speed",
+    )],
     special: Special { of_thesis: true, aligned_with: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     sink.add(Axis::P, 0, s.air_velocity_m_s.y);
     sink.add(Axis::Q, 1, s.air_velocity_m_s.x);

@@ -11,7 +11,9 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "ground-effect",
     sentence: "Thrust rises near the floor.",
     equation: r"T_i \to T_i \Big/ \Big(1 - k \Big(\frac{R}{4 h_i}\Big)^2\Big)",
-    source: Some("I. C. Cheeseman and W. E. Bennett, The effect of the ground on a helicopter rotor in forward flight, ARC R&M 3021, 1955"),
+    source: Some(
+        "I. C. Cheeseman and W. E. Bennett, The effect of the ground on a helicopter rotor in forward flight, ARC R&M 3021, 1955",
+    ),
     kind: Kind::Adjusting,
     question: Question::Structure,
     axes: &[Axis::W],
@@ -32,6 +34,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { gain: c[0], height_offset_m: c[1] }
     }

@@ -26,7 +26,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     special: Special { of_thesis: true, seen_by_the_sample: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let sum = s.signed_rotor_sum_rad_s();
     sink.add(Axis::P, 0, s.input.rate_rad_s.y * sum);

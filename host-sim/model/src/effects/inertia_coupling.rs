@@ -23,7 +23,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     special: Special { of_thesis: true, seen_by_the_sample: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let w = &s.input.rate_rad_s;
     sink.add(Axis::P, 0, w.y * w.z);

@@ -13,7 +13,12 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     kind: Kind::Adjusting,
     question: Question::Both,
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
-    through: &["rotor_acceleration", "roll_rotor_acceleration", "pitch_rotor_acceleration", "yaw_rotor_acceleration"],
+    through: &[
+        "rotor_acceleration",
+        "roll_rotor_acceleration",
+        "pitch_rotor_acceleration",
+        "yaw_rotor_acceleration",
+    ],
     coefficients: &[Coefficient::new("dead_time", "s", (0.0, 0.5), 0.01)],
     excitation: "excite every motor by itself at several hertz",
     confused_with: &[(
@@ -29,6 +34,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { dead_time_s: c[0] }
     }

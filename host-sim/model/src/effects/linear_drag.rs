@@ -23,7 +23,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     special: Special { of_thesis: true, brakes: true, must_be_determined: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let per_mass = s.constants.per_mass;
     sink.add(Axis::U, 0, s.air_velocity_m_s.x * per_mass);

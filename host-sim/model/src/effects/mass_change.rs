@@ -16,7 +16,10 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     through: &["thrust"],
     coefficients: &[Coefficient::new("extra_mass", "kg", (-50.0, 50.0), 0.05)],
     excitation: "hover, climb and descend",
-    confused_with: &[("battery-voltage", "keep flying: a heavier craft stays as heavy, the battery voltage keeps falling")],
+    confused_with: &[(
+        "battery-voltage",
+        "keep flying: a heavier craft stays as heavy, the battery voltage keeps falling",
+    )],
     special: Special::NOTHING,
 };
 
@@ -26,6 +29,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { extra_mass_kg: c[0] }
     }

@@ -39,6 +39,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { thrust_loss: [c[0], c[1], c[2], c[3]] }
     }

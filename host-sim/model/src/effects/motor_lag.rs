@@ -13,8 +13,15 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     kind: Kind::Adjusting,
     question: Question::Both,
     axes: &[Axis::W, Axis::P, Axis::Q, Axis::R],
-    through: &["rotor_acceleration", "roll_rotor_acceleration", "pitch_rotor_acceleration", "yaw_rotor_acceleration"],
-    coefficients: &[Coefficient::new("time_constant_change", "s", (-0.2, 0.5), 0.01).stepped_by(DERIVATIVE_STEP_S)],
+    through: &[
+        "rotor_acceleration",
+        "roll_rotor_acceleration",
+        "pitch_rotor_acceleration",
+        "yaw_rotor_acceleration",
+    ],
+    coefficients: &[
+        Coefficient::new("time_constant_change", "s", (-0.2, 0.5), 0.01).stepped_by(DERIVATIVE_STEP_S)
+    ],
     excitation: "excite every motor by itself at several hertz",
     confused_with: &[(
         "input-delay",
@@ -38,6 +45,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { time_constant_s: c[0] }
     }

@@ -27,7 +27,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
 /// Passes in which the angular accelerations are solved for: each gains a factor Ixz / I, at least a digit.
 const PASSES: usize = 12;
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let (w, a) = (&s.input.rate_rad_s, &s.input.angular_acceleration_rad_s2);
     sink.add(Axis::P, 0, a.z + w.x * w.y);

@@ -20,11 +20,14 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     through: &["u", "v", "w"],
     coefficients: &[coefficient("C_qd_xy"), coefficient("C_qd_z")],
     excitation: "fly straight at three or more speeds, the fastest above 3 m/s",
-    confused_with: &[("linear-drag", "fly at well-separated speeds: the ratio of drag to speed tells them apart")],
+    confused_with: &[(
+        "linear-drag",
+        "fly at well-separated speeds: the ratio of drag to speed tells them apart",
+    )],
     special: Special { brakes: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let v = &s.air_velocity_m_s;
     let speed_per_mass = v.norm() * s.constants.per_mass;

@@ -19,7 +19,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     special: Special { brakes: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let r = s.input.rate_rad_s.z;
     sink.add(Axis::R, 0, r.abs() * r);

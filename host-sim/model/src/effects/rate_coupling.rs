@@ -27,7 +27,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     special: Special { of_thesis: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let per_mass = s.constants.per_mass;
     sink.add(Axis::U, 0, s.input.rate_rad_s.y * per_mass);

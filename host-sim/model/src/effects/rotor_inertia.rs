@@ -23,7 +23,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     special: Special { aligned_with: true, seen_by_the_sample: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let (spin, a) = (&s.constants.spin, &s.input.rotor_acceleration_rad_s2);
     sink.add(Axis::R, 0, spin[0] * a[0] + spin[1] * a[1] + spin[2] * a[2] + spin[3] * a[3]);

@@ -35,6 +35,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { wind_ned_m_s: Vector3::new(c[0], c[1], 0.0) }
     }

@@ -27,7 +27,10 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         pull("stiffness*down"),
     ],
     excitation: "hover at the corners of the flying space, low and high",
-    confused_with: &[("steady-wind", "hover in opposite corners: a wind pushes the same way everywhere, a cable does not")],
+    confused_with: &[(
+        "steady-wind",
+        "hover in opposite corners: a wind pushes the same way everywhere, a cable does not",
+    )],
     special: Special { requirement: Some(PULLS_BACK), ..Special::NOTHING },
 };
 
@@ -39,13 +42,14 @@ const PULLS_BACK: Requirement = Requirement {
     question: "pulls back: stiffness of the cable",
     unit: "std. errors",
     figures: |estimates| {
-        let (value, std_error) = estimates.first().map_or((0.0, 0.0), |k| (k.value, k.std_error.unwrap_or(0.0)));
+        let (value, std_error) =
+            estimates.first().map_or((0.0, 0.0), |k| (k.value, k.std_error.unwrap_or(0.0)));
         (value / std_error.max(f64::MIN_POSITIVE), SLACK_ERRORS)
     },
     objection: "a force that is the same everywhere, not a cable",
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let mut force = |coefficient: usize, inertial: Vector3<f64>| {
         let body = s.input.dcm * inertial * s.constants.per_mass;

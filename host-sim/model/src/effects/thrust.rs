@@ -15,13 +15,15 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     question: Question::Structure,
     axes: &[Axis::W],
     through: &["thrust"],
-    coefficients: &[Coefficient::new("C_T", "1", (1e-4, 1.0), 0.02).in_commands("1/(s^2 cmd^2)").signed(Sign::Positive)],
+    coefficients: &[Coefficient::new("C_T", "1", (1e-4, 1.0), 0.02)
+        .in_commands("1/(s^2 cmd^2)")
+        .signed(Sign::Positive)],
     excitation: "climb and descend",
     confused_with: &[],
     special: Special { of_thesis: true, ..Special::NOTHING },
 };
 
-#[inline]
+#[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let t = &s.rotor_thrust_rad2_s2;
     sink.add(Axis::W, 0, -s.constants.beta_kg_m * s.constants.per_mass * (t[0] + t[1] + t[2] + t[3]));

@@ -13,9 +13,14 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     question: Question::Structure,
     axes: &[Axis::W],
     through: &["rotor_speed"],
-    coefficients: &[Coefficient::new("w_lin", "rad/s", (-2000.0, 5000.0), 40.0).in_rotor_speed().in_commands("cmd")],
+    coefficients: &[Coefficient::new("w_lin", "rad/s", (-2000.0, 5000.0), 40.0)
+        .in_rotor_speed()
+        .in_commands("cmd")],
     excitation: "climb and descend hard, so that the rotors run fast and slow",
-    confused_with: &[("battery-voltage", "fly from a full battery to an empty one: the thrust curve does not change with it")],
+    confused_with: &[(
+        "battery-voltage",
+        "fly from a full battery to an empty one: the thrust curve does not change with it",
+    )],
     special: Special { of_actuators: true, ..Special::NOTHING },
 };
 
@@ -25,6 +30,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { linear_rad_s: c[0] }
     }

@@ -36,6 +36,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { tracked_point_m: Vector3::new(c[0], c[1], c[2]) }
     }

@@ -16,7 +16,10 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     through: &["horizontal_speed"],
     coefficients: &[Coefficient::new("k_lift", "s^2/m^2", (0.0, 1.0), 0.01)],
     excitation: "fly level at several speeds, the fastest above 2 m/s",
-    confused_with: &[("quadratic-drag", "fly level and climb: quadratic drag brakes, translational lift only lifts")],
+    confused_with: &[(
+        "quadratic-drag",
+        "fly level and climb: quadratic drag brakes, translational lift only lifts",
+    )],
     special: Special::NOTHING,
 };
 
@@ -26,6 +29,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { gain_s2_m2: c[0] }
     }

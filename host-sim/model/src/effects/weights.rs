@@ -12,6 +12,7 @@ use crate::user_effects::User;
 #[derive(Debug, Clone)]
 pub(crate) struct Weights {
     present: [bool; CATALOGUE.len()],
+    /// Of adjusting effects as the model has them.
     coefficients: [[f64; WIDEST]; CATALOGUE.len()],
     users: Vec<(User, Vec<f64>)>,
     /// Whether there is nothing but effects of the thesis' model.
@@ -25,8 +26,13 @@ const fn of_thesis(effect: Effect) -> bool {
     effect.info().special.of_thesis
 }
 
+/// Whether an effect is summed in stages without a branch.
+const fn is_straight<const OF_THESIS: bool>(effect: Effect) -> bool {
+    of_thesis(effect) || !OF_THESIS && effect.info().special.passes == 1
+}
+
 /// Most coefficients of one effect.
-const WIDEST: usize = {
+pub(crate) const WIDEST: usize = {
     let (mut widest, mut index) = (0, 0);
     while index < CATALOGUE.len() {
         let count = CATALOGUE[index].info().coefficients.len();
@@ -55,6 +61,7 @@ impl Weights {
                 continue;
             };
             if effect.info().kind == Kind::Adjusting {
+                weights.coefficients[index][..values.len()].copy_from_slice(&values);
                 continue;
             }
             weights.present[index] = true;
@@ -67,7 +74,7 @@ impl Weights {
         weights
     }
 
-    /// Whether [`Self::accelerations_of_thesis`] is all there is.
+    /// Whether there are no other effects than the thesis'.
     pub(crate) fn of_thesis(&self) -> bool {
         self.of_thesis
     }
@@ -80,11 +87,16 @@ impl Weights {
         sink.sum
     }
 
-    /// The six rows at `sample` of a model without other effects than the thesis'. To be inlined where it is integrated:
-    /// without a branch, a stage stays in registers.
+    /// Whether no column looks at the accelerations, and no formula of a user's at anything.
+    pub(crate) fn are_summed_once(&self) -> bool {
+        self.passes == 1 && self.users.is_empty()
+    }
+
+    /// The six rows at `sample` where no column looks at the accelerations, and, if `OF_THESIS`, there are no other effects than the
+    /// thesis'. To be inlined where it is integrated: without a branch, a stage stays in registers.
     #[inline(always)]
-    pub(crate) fn accelerations_of_thesis(&self, sample: &Sample) -> [f64; 6] {
-        self.weighted_sum(sample, of_thesis)
+    pub(crate) fn straight_accelerations<const OF_THESIS: bool>(&self, sample: &Sample) -> [f64; 6] {
+        self.weighted_sum(sample, is_straight::<OF_THESIS>)
     }
 
     /// The six rows at `sample`. The columns that look at the angular accelerations are iterated until their values agree to
@@ -134,6 +146,66 @@ impl Sink for WeightedSum<'_> {
 }
 
 impl PlacedSink for WeightedSum<'_> {
+    #[inline(always)]
+    fn begin(&mut self, place: usize) {
+        self.place = place;
+    }
+}
+
+/// The coefficients of craft side by side.
+#[derive(Debug, Clone)]
+pub(crate) struct WeightsAbreast<const LANES: usize> {
+    coefficients: [[[f64; LANES]; WIDEST]; CATALOGUE.len()],
+}
+
+impl<const LANES: usize> WeightsAbreast<LANES> {
+    /// Of craft that nothing acts on.
+    pub(crate) fn new() -> Self {
+        Self { coefficients: [[[0.0; LANES]; WIDEST]; CATALOGUE.len()] }
+    }
+
+    /// Those of one lane's craft.
+    pub(crate) fn set(&mut self, lane: usize, weights: &Weights) {
+        for (rows, values) in self.coefficients.iter_mut().zip(&weights.coefficients) {
+            rows.iter_mut().zip(values).for_each(|(row, value)| row[lane] = *value);
+        }
+    }
+
+    /// The coefficients of one effect in one lane, by its place.
+    #[inline(always)]
+    pub(crate) fn of(&self, place: usize, lane: usize) -> [f64; WIDEST] {
+        std::array::from_fn(|k| self.coefficients[place][k][lane])
+    }
+
+    /// As [`Weights::straight_accelerations`] in one lane.
+    #[inline(always)]
+    pub(crate) fn straight_accelerations<const OF_THESIS: bool>(
+        &self,
+        sample: &Sample,
+        lane: usize,
+    ) -> [f64; 6] {
+        let mut sink = SumInLane { coefficients: &self.coefficients, lane, place: 0, sum: [0.0; 6] };
+        each_linear(sample, is_straight::<OF_THESIS>, &mut sink);
+        sink.sum
+    }
+}
+
+/// Multiplies columns by the coefficients of one lane and sums them.
+struct SumInLane<'a, const LANES: usize> {
+    coefficients: &'a [[[f64; LANES]; WIDEST]; CATALOGUE.len()],
+    lane: usize,
+    place: usize,
+    sum: [f64; 6],
+}
+
+impl<const LANES: usize> Sink for SumInLane<'_, LANES> {
+    #[inline(always)]
+    fn add(&mut self, axis: Axis, coefficient: usize, value: f64) {
+        self.sum[axis.index()] += self.coefficients[self.place][coefficient][self.lane] * value;
+    }
+}
+
+impl<const LANES: usize> PlacedSink for SumInLane<'_, LANES> {
     #[inline(always)]
     fn begin(&mut self, place: usize) {
         self.place = place;

@@ -16,7 +16,9 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     id: "wind-shear",
     sentence: "The wind grows with height: drag depends on the speed through air that moves faster higher up.",
     equation: r"\mathbf v \to \mathbf v - R\, h\, \frac{d \mathbf v_{wind}}{dh}",
-    source: Some("B. Etkin, Dynamics of Atmospheric Flight, Wiley 1972, chapter 13; MIL-F-8785C, 1980, section 3.7"),
+    source: Some(
+        "B. Etkin, Dynamics of Atmospheric Flight, Wiley 1972, chapter 13; MIL-F-8785C, 1980, section 3.7",
+    ),
     kind: Kind::Adjusting,
     question: Question::Structure,
     axes: &[Axis::U, Axis::V],
@@ -34,6 +36,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { shear_ned_per_s: Vector3::new(c[0], c[1], 0.0) }
     }

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use crate::plant::equations::{Plant, Substeps};
+use crate::plant::equations::{Hold, Holds, Plant, Substeps};
 use crate::plant::state::State;
 use crate::sample::Surroundings;
 
@@ -33,15 +33,22 @@ impl DelayLine {
         Self { waiting, before: cut(part), after: cut(1.0 - part) }
     }
 
+    /// What the rotors are commanded in one period in which `command` is given.
+    pub fn holds(&mut self, plant: &Plant, command: &[f64; 4], battery_v: f64) -> Holds {
+        self.waiting.push_back(*command);
+        let hold = |substeps: Option<Substeps>, command: Option<&[f64; 4]>| {
+            let commanded_rad_s = plant.commanded_rad_s(command?, battery_v);
+            Some(Hold { commanded_rad_s, substeps: substeps? })
+        };
+        let before = hold(self.before, self.waiting.front());
+        self.waiting.pop_front();
+        [before, hold(self.after, self.waiting.front())]
+    }
+
     /// Advances `state` over one period in which `command` is given.
     pub fn step(&mut self, plant: &Plant, state: &mut State, command: &[f64; 4], around: &Surroundings) {
-        self.waiting.push_back(*command);
-        if let (Some(before), Some(old)) = (&self.before, self.waiting.front()) {
-            plant.step(state, &plant.commanded_rad_s(old, around.battery_v), *around, before);
-        }
-        self.waiting.pop_front();
-        if let (Some(after), Some(new)) = (&self.after, self.waiting.front()) {
-            plant.step(state, &plant.commanded_rad_s(new, around.battery_v), *around, after);
+        for hold in self.holds(plant, command, around.battery_v).into_iter().flatten() {
+            plant.step(state, &hold.commanded_rad_s, *around, &hold.substeps);
         }
     }
 }

@@ -10,11 +10,10 @@ use nalgebra::Vector3;
 use crate::effects::Adjustments;
 use crate::effects::slung_load::cable::SlungLoad;
 use crate::effects::weights::Weights;
-use crate::frames;
 use crate::lags::Lags;
 use crate::memory::Memory;
 use crate::model::Model;
-use crate::pendulum::Pendulum;
+use crate::plant::stages::{self, Moves, Part};
 use crate::plant::state::{Derivative, Stage, State};
 use crate::rotor_lag::{RotorLag, decayed};
 use crate::sample::{Constants, Sample, SampleInput, Surroundings};
@@ -24,26 +23,51 @@ use crate::vehicle::RotorMap;
 /// A control period cut into integration steps, with the rotor lag's decay over a half and a whole step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Substeps {
-    count: u32,
-    step_s: f64,
-    half_decay: f64,
-    decay: f64,
+    pub(super) count: u32,
+    pub(super) step_s: f64,
+    pub(super) half_decay: f64,
+    pub(super) decay: f64,
 }
+
+/// Rotor speeds that are commanded for a while.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hold {
+    /// rad/s.
+    pub commanded_rad_s: [f64; 4],
+    /// The while.
+    pub substeps: Substeps,
+}
+
+/// What is commanded over a control period, one after the other.
+pub type Holds = [Option<Hold>; 2];
 
 /// A model made ready to integrate.
 #[derive(Debug, Clone)]
 pub struct Plant {
-    constants: Constants,
-    gravity_m_s2: f64,
+    pub(super) constants: Constants,
+    pub(super) gravity_m_s2: f64,
     adjust: Adjustments,
     map: RotorMap,
-    lag_rad_s: Option<f64>,
+    pub(super) lag_rad_s: Option<f64>,
     load: Option<SlungLoad>,
-    weights: Weights,
+    pub(super) weights: Weights,
     /// What its formulas look back at.
     lags: Box<Lags>,
-    /// Whether the model is the thesis' in its structure: its stages are then integrated without a branch.
-    plain: bool,
+    /// What its stages have to look at.
+    pub(super) shape: Shape,
+}
+
+/// What the stages of a plant have to look at: the less, the faster.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Shape {
+    /// The thesis' effects in still air.
+    Plain,
+    /// The thesis' effects, in air that moves or with thrust that is not as the square of the speed.
+    Adjusted,
+    /// Other linear effects, too.
+    Linear,
+    /// Effects of users, a load on a cable, or angular accelerations that are solved for.
+    General,
 }
 
 impl Plant {
@@ -51,13 +75,20 @@ impl Plant {
     pub fn new(model: &Model) -> Self {
         let adjust = model.adjustments();
         let weights = Weights::new(model.terms.iter().map(|term| (term.effect, term.values())));
+        let load = adjust.load();
+        let shape = match weights.of_thesis() {
+            _ if load.is_some() || !weights.are_summed_once() => Shape::General,
+            true if adjust.leaves_samples_plain() => Shape::Plain,
+            true => Shape::Adjusted,
+            false => Shape::Linear,
+        };
         Self {
-            plain: weights.of_thesis() && adjust.leaves_samples_plain(),
+            shape,
             constants: adjust.constants(&model.vehicle),
             gravity_m_s2: model.vehicle.gravity,
             map: model.vehicle.rotor_map(),
             lag_rad_s: adjust.lag_rad_s(model.vehicle.motors.lag),
-            load: adjust.load(),
+            load,
             adjust,
             lags: Box::new(Lags::new(weights.users().iter().flat_map(|(user, _)| user.lags()))),
             weights,
@@ -94,7 +125,7 @@ impl Plant {
         around: &Surroundings,
     ) -> SampleInput {
         let acceleration = self.lagged_acceleration_rad_s2(rotor, commanded);
-        self.remembering(self.input_with(&Stage::of(state), rotor, acceleration, around), &state.memory)
+        self.remembering(stages::input(&Stage::of(state), rotor, acceleration, around), &state.memory)
     }
 
     /// With what the formulas of the model look back at, where any does: a memory of theirs, or of a past as the present is.
@@ -109,31 +140,7 @@ impl Plant {
     /// Acceleration of rotors on their way to what is commanded.
     #[inline(always)]
     fn lagged_acceleration_rad_s2(&self, rotor: &[f64; 4], commanded: &[f64; 4]) -> [f64; 4] {
-        let lag = self.lag_rad_s.unwrap_or(0.0);
-        std::array::from_fn(|i| lag * (commanded[i] - rotor[i]))
-    }
-
-    #[inline(always)]
-    fn input_with(
-        &self,
-        state: &Stage,
-        rotor: &[f64; 4],
-        rotor_acceleration_rad_s2: [f64; 4],
-        around: &Surroundings,
-    ) -> SampleInput {
-        SampleInput {
-            position_ned_m: state.position_ned_m,
-            dcm: frames::dcm_from_quaternion(&state.attitude),
-            velocity_m_s: state.velocity_m_s,
-            rate_rad_s: state.rate_rad_s,
-            angular_acceleration_rad_s2: Vector3::zeros(),
-            rotor_rad_s: *rotor,
-            rotor_acceleration_rad_s2,
-            battery_v: around.battery_v,
-            pendulum: state.pendulum,
-            memory: None,
-            further: around.further,
-        }
+        stages::lagged_acceleration_rad_s2(self.lag_rad_s.unwrap_or(0.0), rotor, commanded)
     }
 
     /// The six rows of (4.3) at a sample: specific force in body axes (no gravity), m/s^2, and angular acceleration,
@@ -165,8 +172,10 @@ impl Plant {
     }
 
     /// Rotor speeds in rad/s that motor commands ask for at a battery voltage.
+    #[inline]
     pub fn commanded_rad_s(&self, command: &[f64; 4], battery_v: f64) -> [f64; 4] {
-        command.map(|c| self.adjust.corrected_speed_rad_s(self.map.speed_rad_s(c, battery_v), battery_v))
+        let corrected = self.adjust.corrected_at(battery_v);
+        command.map(|c| corrected(self.map.speed_rad_s(c, battery_v)))
     }
 
     /// The commands that ask for rotor speeds at a battery voltage.
@@ -243,13 +252,13 @@ impl Plant {
             let mut stage = start;
             for part in [0.5, 0.5, 1.0, 0.0] {
                 let acceleration = self.lagged_acceleration_rad_s2(&rotor, commanded_rad_s);
-                let input = self.input_with(&stage, &rotor, acceleration, around);
+                let input = stages::input(&stage, &rotor, acceleration, around);
                 let input = self.remembering(input, &state.memory);
                 if let Some(undefined) = self.undefined(&self.sample_of(&input)) {
                     return Some(undefined);
                 }
                 let around = Surroundings { memory: input.memory, ..*around };
-                let k = self.derivative::<false>(&stage, &rotor, acceleration, &around);
+                let k = self.derivative(&stage, &rotor, acceleration, &around);
                 stage = start.moved(&k, part * h);
             }
             self.lagged_step(&mut state, commanded_rad_s, around, substeps);
@@ -297,12 +306,17 @@ impl Plant {
         around: &Surroundings,
         step_s: f64,
     ) {
-        if self.plain {
-            self.runge_kutta_4::<true>(state, rotor, rotor_acceleration, [around; 3], step_s);
-        } else if self.lags.is_empty() {
-            self.runge_kutta_4::<false>(state, rotor, rotor_acceleration, [around; 3], step_s);
-        } else {
-            self.step_with_memory(state, rotor, rotor_acceleration, around, step_s);
+        match self.shape {
+            Shape::Plain => {
+                self.straight_step::<true, false>(state, rotor, rotor_acceleration, around, step_s)
+            }
+            Shape::Adjusted => {
+                self.straight_step::<true, true>(state, rotor, rotor_acceleration, around, step_s);
+            }
+            _ if self.lags.is_empty() => {
+                self.general_step(state, rotor, rotor_acceleration, [around; 3], step_s);
+            }
+            _ => self.step_with_memory(state, rotor, rotor_acceleration, around, step_s),
         }
     }
 
@@ -318,7 +332,7 @@ impl Plant {
         step_s: f64,
     ) {
         let input = |state: &State, rotor: &[f64; 4]| {
-            self.input_with(&Stage::of(state), rotor, rotor_acceleration(rotor), around)
+            stages::input(&Stage::of(state), rotor, rotor_acceleration(rotor), around)
         };
         let start = input(state, rotor[0]);
         let before = self.sample_of(&start);
@@ -326,77 +340,97 @@ impl Plant {
         let held = |time_s: f64| self.lags.after(&began, [&before, &before], time_s);
         let [first, middle, end] = [began, held(0.5 * step_s), held(step_s)]
             .map(|memory| Surroundings { memory: Some(memory), ..*around });
-        self.runge_kutta_4::<false>(state, rotor, &rotor_acceleration, [&first, &middle, &end], step_s);
+        self.general_step(state, rotor, &rotor_acceleration, [&first, &middle, &end], step_s);
         let after = input(state, rotor[2]);
         state.memory = self.lags.after(&began, [&before, &self.sample_of(&after)], step_s);
     }
 
-    fn runge_kutta_4<const PLAIN: bool>(
+    /// A step of a plant whose stages need no branch.
+    #[inline(always)]
+    fn straight_step<const OF_THESIS: bool, const ADJUSTED: bool>(
         &self,
         state: &mut State,
-        [rotor_start, rotor_middle, rotor_end]: [&[f64; 4]; 3],
+        rotor: [&[f64; 4]; 3],
         rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
-        [around_start, around_middle, around_end]: [&Surroundings; 3],
-        h: f64,
+        around: &Surroundings,
+        step_s: f64,
     ) {
-        let start = Stage::of(state);
-        let stage = |state: &Stage, rotor: &[f64; 4], around: &Surroundings| {
-            self.derivative::<PLAIN>(state, rotor, rotor_acceleration(rotor), around)
-        };
-        let k1 = stage(&start, rotor_start, around_start);
-        let k2 = stage(&start.moved(&k1, 0.5 * h), rotor_middle, around_middle);
-        let k3 = stage(&start.moved(&k2, 0.5 * h), rotor_middle, around_middle);
-        let k4 = stage(&start.moved(&k3, h), rotor_end, around_end);
-        let sixth = h / 6.0;
-        state.position_ned_m += sixth * (k1.position + 2.0 * (k2.position + k3.position) + k4.position);
-        state.velocity_m_s += sixth * (k1.velocity + 2.0 * (k2.velocity + k3.velocity) + k4.velocity);
-        state.rate_rad_s += sixth * (k1.rate + 2.0 * (k2.rate + k3.rate) + k4.rate);
-        let attitude =
-            start.attitude + sixth * (k1.attitude + 2.0 * (k2.attitude + k3.attitude) + k4.attitude);
-        state.attitude = attitude * (1.0 / attitude.norm());
-        state.rotor_rad_s = *rotor_end;
-        if !PLAIN {
-            let pendulum = start.pendulum.moved(&k1.pendulum, sixth).moved(&k2.pendulum, 2.0 * sixth);
-            state.pendulum =
-                pendulum.moved(&k3.pendulum, 2.0 * sixth).moved(&k4.pendulum, sixth).normalized();
-        }
+        let moves = Straight::<OF_THESIS, ADJUSTED, _> { plant: self, rotor, rotor_acceleration, around };
+        let end = stages::runge_kutta_4(&Stage::of(state), step_s, &moves);
+        end.put_into::<false>(state);
+        state.rotor_rad_s = *rotor[2];
     }
 
-    /// (2.1) with the resolutions of reference section 5: velocity to inertial by the transpose of (2.2), gravity to
-    /// body by (2.2).
+    /// A step of any plant.
+    fn general_step(
+        &self,
+        state: &mut State,
+        rotor: [&[f64; 4]; 3],
+        rotor_acceleration: impl Fn(&[f64; 4]) -> [f64; 4],
+        around: [&Surroundings; 3],
+        step_s: f64,
+    ) {
+        let moves = General { plant: self, rotor, rotor_acceleration, around };
+        let end = stages::runge_kutta_4(&Stage::of(state), step_s, &moves);
+        end.put_into::<true>(state);
+        state.rotor_rad_s = *rotor[2];
+    }
+
+    /// Of any plant.
     #[inline]
-    fn derivative<const PLAIN: bool>(
+    fn derivative(
         &self,
         state: &Stage,
         rotor: &[f64; 4],
         rotor_acceleration_rad_s2: [f64; 4],
         around: &Surroundings,
     ) -> Derivative {
-        let input = self.input_with(state, rotor, rotor_acceleration_rad_s2, around);
-        let a = if PLAIN {
-            self.weights.accelerations_of_thesis(&Sample::plain(&input, &self.constants))
-        } else {
-            self.accelerations_remembering(&input, around)
+        let input = stages::input(state, rotor, rotor_acceleration_rad_s2, around);
+        let a = self.accelerations_remembering(&input, around);
+        let Some(load) = &self.load else {
+            return stages::derivative(state, &input.dcm, &a, self.gravity_m_s2);
         };
-        let dcm = &input.dcm;
-        let gravity = dcm.column(2) * self.gravity_m_s2;
-        let still = Pendulum { direction: Vector3::zeros(), turning_rad_s: Vector3::zeros() };
-        let (a, pendulum) = match &self.load {
-            Some(load) if !PLAIN => {
-                let force_ned_m_s2 = dcm.tr_mul(&Vector3::new(a[0], a[1], a[2]));
-                let pendulum = load.derivative(&state.pendulum, force_ned_m_s2, self.gravity_m_s2);
-                (self.with_load(a, &input), pendulum)
-            }
-            _ => (a, still),
-        };
-        let force = Vector3::new(a[0], a[1], a[2]);
-        Derivative {
-            position: dcm.tr_mul(&state.velocity_m_s),
-            attitude: frames::quaternion_derivative(&state.attitude, &state.rate_rad_s),
-            velocity: force + gravity - state.rate_rad_s.cross(&state.velocity_m_s),
-            rate: Vector3::new(a[3], a[4], a[5]),
-            pendulum,
-        }
+        let force_ned_m_s2 = input.dcm.tr_mul(&Vector3::new(a[0], a[1], a[2]));
+        let pendulum = load.derivative(&state.pendulum, force_ned_m_s2, self.gravity_m_s2);
+        let with_load = self.with_load(a, &input);
+        Derivative { pendulum, ..stages::derivative(state, &input.dcm, &with_load, self.gravity_m_s2) }
+    }
+}
+
+/// A step whose stages need no branch.
+struct Straight<'a, const OF_THESIS: bool, const ADJUSTED: bool, F> {
+    plant: &'a Plant,
+    rotor: [&'a [f64; 4]; 3],
+    rotor_acceleration: F,
+    around: &'a Surroundings,
+}
+
+impl<const OF_THESIS: bool, const ADJUSTED: bool, F: Fn(&[f64; 4]) -> [f64; 4]> Moves
+    for Straight<'_, OF_THESIS, ADJUSTED, F>
+{
+    #[inline(always)]
+    fn derivative(&self, stage: &Stage, part: Part) -> Derivative {
+        let (plant, rotor) = (self.plant, self.rotor[part as usize]);
+        let input = stages::input(stage, rotor, (self.rotor_acceleration)(rotor), self.around);
+        let sample = plant.adjust.straight_sample::<ADJUSTED>(&input, &plant.constants);
+        let a = plant.weights.straight_accelerations::<OF_THESIS>(&sample);
+        stages::derivative(stage, &input.dcm, &a, plant.gravity_m_s2)
+    }
+}
+
+/// A step of any plant.
+struct General<'a, F> {
+    plant: &'a Plant,
+    rotor: [&'a [f64; 4]; 3],
+    rotor_acceleration: F,
+    around: [&'a Surroundings; 3],
+}
+
+impl<F: Fn(&[f64; 4]) -> [f64; 4]> Moves for General<'_, F> {
+    #[inline(always)]
+    fn derivative(&self, stage: &Stage, part: Part) -> Derivative {
+        let rotor = self.rotor[part as usize];
+        self.plant.derivative(stage, rotor, (self.rotor_acceleration)(rotor), self.around[part as usize])
     }
 }
 
@@ -406,6 +440,7 @@ mod tests {
 
     use super::*;
     use crate::effects::Effect;
+    use crate::frames;
     use crate::plant::DelayLine;
     use crate::vehicle::Vehicle;
 

@@ -85,8 +85,20 @@ impl Stage {
         }
     }
 
+    /// Makes it the state of a craft, whose rotors and memory stay, and whose load does unless it has one.
+    #[inline(always)]
+    pub(super) fn put_into<const WITH_LOAD: bool>(&self, state: &mut State) {
+        state.position_ned_m = self.position_ned_m;
+        state.attitude = self.attitude;
+        state.velocity_m_s = self.velocity_m_s;
+        state.rate_rad_s = self.rate_rad_s;
+        if WITH_LOAD {
+            state.pendulum = self.pendulum.normalized();
+        }
+    }
+
     /// After `time_s` at a rate.
-    #[inline]
+    #[inline(always)]
     pub(super) fn moved(&self, rate: &Derivative, time_s: f64) -> Self {
         Self {
             position_ned_m: self.position_ned_m + time_s * rate.position,

@@ -6,6 +6,7 @@ mod gusts;
 mod noise;
 mod sensors;
 mod simulated_craft;
+mod team;
 
 pub(crate) use delay::Delay;
 pub(crate) use fault::Faults;
@@ -14,3 +15,4 @@ pub use gusts::GustModel;
 pub use noise::{Coloured, NoiseModel};
 pub use sensors::Sensors;
 pub use simulated_craft::SimulatedCraft;
+pub(crate) use team::Team;

@@ -2,7 +2,7 @@
 
 use control::Measurement;
 use model::user_effects::Undefined;
-use model::{Battery, DelayLine, Plant, State, Substeps, Surroundings, frames, user_effects};
+use model::{Battery, DelayLine, Hold, Holds, Plant, State, Substeps, Surroundings, frames, user_effects};
 use nalgebra::Vector3;
 
 use super::gusts::{GustModel, Gusts};
@@ -104,31 +104,53 @@ impl SimulatedCraft {
     /// One tick with motor commands held, in command units.
     #[inline]
     pub fn advance(&mut self, pwm: &[f32; 4], voltage_v: f64) {
+        let before = self.has_formulas.then_some(self.state);
+        let (holds, around) = self.begin_tick(pwm, voltage_v);
+        for hold in holds.iter().flatten() {
+            self.plant.step(&mut self.state, &hold.commanded_rad_s, around, &hold.substeps);
+        }
+        self.end_tick();
+        if let Some(before) = before.filter(|_| !self.state.is_finite()) {
+            let commanded = self.plant.commanded_rad_s(&pwm.map(f64::from), around.battery_v);
+            self.fault = self.plant.undefined_in_step(&before, &commanded, around, &self.substeps);
+        }
+    }
+
+    /// What the rotors are commanded over a tick with these motor commands, and what surrounds the craft in it. The craft goes on with
+    /// the air, if that moves, until [`Self::end_tick`].
+    #[inline]
+    pub(super) fn begin_tick(&mut self, pwm: &[f32; 4], voltage_v: f64) -> (Holds, Surroundings) {
         let command = pwm.map(f64::from);
         // The battery acts on the motors all the time: over the tick, the voltage in its middle.
         // Held as it was at the start, a sag would come half a tick late.
         let middle_v = voltage_v + 0.5 * (voltage_v - self.last_v);
         self.last_v = voltage_v;
-        let before = self.has_formulas.then_some(self.state);
         let around = self.surroundings(middle_v);
         if let Some(gusts) = &mut self.gusts {
             gusts.enter(&mut self.state);
         }
-        match &mut self.dead_time {
+        let holds = match &mut self.dead_time {
             None => {
-                let commanded = self.plant.commanded_rad_s(&command, middle_v);
-                self.plant.step(&mut self.state, &commanded, around, &self.substeps);
+                let commanded_rad_s = self.plant.commanded_rad_s(&command, middle_v);
+                [Some(Hold { commanded_rad_s, substeps: self.substeps }), None]
             }
-            Some(line) => line.step(&self.plant, &mut self.state, &command, &around),
-        }
+            Some(line) => line.holds(&self.plant, &command, middle_v),
+        };
+        (holds, around)
+    }
+
+    /// What comes after the steps of a tick.
+    #[inline]
+    pub(super) fn end_tick(&mut self) {
         if let Some(gusts) = &self.gusts {
             gusts.leave(&mut self.state, self.period_s);
         }
         self.tick = self.tick.wrapping_add(1);
-        if let Some(before) = before.filter(|_| !self.state.is_finite()) {
-            let commanded = self.plant.commanded_rad_s(&command, middle_v);
-            self.fault = self.plant.undefined_in_step(&before, &commanded, around, &self.substeps);
-        }
+    }
+
+    /// What moves it.
+    pub(super) fn plant(&self) -> &Plant {
+        &self.plant
     }
 
     /// The battery, and the time in the middle of the tick, since the first.

@@ -32,7 +32,7 @@ use super::drawn_flights::{End, Last, MonteCarlo};
 use super::error::LongRunError;
 use super::kept::Kept;
 use super::memory::{Memory, resident};
-use super::watched::{impossible, tracker_off_m, until_crash};
+use super::watched::{impossible, until_crash};
 use crate::craft::{Fault, FaultKind, NoiseModel};
 use crate::flight::{FlightPlan, Script, SilError};
 
@@ -42,8 +42,10 @@ const FLIGHT_S: f64 = 15.0;
 /// that a pass low over the floor ends on it, where integrators wind up for two seconds. As it takes off it tips over, and the simulated
 /// floor, which sets whatever touches it level at once, makes a turn that no gyro has seen. Fewer flights may have none.
 const MOST_CRASHES: u64 = 2;
-/// So many are flown before their ends are counted and kept.
-const AT_ONCE: usize = 50;
+/// So many are flown before their ends are counted and kept, ...
+const AT_ONCE: usize = 64;
+/// ... and so many by one core at a time.
+const TOGETHER: usize = 32;
 /// What is drawn for a flight beside its tour and its noise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Conditions {
@@ -143,24 +145,28 @@ pub fn drawn_fault(g: &mut Pcg64) -> Fault {
     Fault { kind, from_s, for_s }
 }
 
-/// Flies one; how it ended, and the last of its state for comparing runs bit by bit.
-fn fly(conditions: &Conditions, config: &Config) -> Result<(End, Last), SilError> {
-    let plan = conditions.plan(config);
-    let (mut last, mut state) = ([0; 16], State::Flying);
-    let crash = until_crash(&plan, tracker_off_m(&plan), |row| {
-        state = row.supervision.state;
+/// Flies those of these seeds; how each ended, and the last of its state for comparing runs bit by bit.
+fn fly(seeds: &[u64], config: &Config) -> Result<Vec<(End, Last)>, SilError> {
+    let plans: Vec<FlightPlan> = seeds.iter().map(|seed| Conditions::of(*seed).plan(config)).collect();
+    let mut last = vec![([0; 16], State::Flying); plans.len()];
+    let crashes = until_crash(&plans.iter().collect::<Vec<_>>(), |number, row| {
+        let (last, state) = &mut last[number];
+        *state = row.supervision.state;
         let position_m = row.truth.position_m;
         let words = [position_m[0], position_m[1], position_m[2], row.truth.rate_rad_s[0]];
         last.as_chunks_mut().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
-    })?;
-    let end = match (crash, state) {
-        (Some((crash, at_s)), _) => {
-            impossible(&plan).map_or(End::Crashed(crash, at_s), |why| End::Impossible(why.to_string()))
-        }
-        (None, State::Flying) => End::Flying,
-        (None, _) => End::Supervised,
-    };
-    Ok((end, last))
+    });
+    let ended = plans.iter().zip(last).zip(crashes).map(|((plan, (last, state)), crash)| {
+        let end = match (crash?, state) {
+            (Some((crash, at_s)), _) => {
+                impossible(plan).map_or(End::Crashed(crash, at_s), |why| End::Impossible(why.to_string()))
+            }
+            (None, State::Flying) => End::Flying,
+            (None, _) => End::Supervised,
+        };
+        Ok((end, last))
+    });
+    ended.collect()
 }
 
 /// What came of them.
@@ -215,13 +221,17 @@ pub fn survey(plan: &MonteCarlo, file: Option<&Path>) -> Result<Survey, LongRunE
     for first in (0..plan.flights).step_by(AT_ONCE) {
         let next = plan.flights.min(first + AT_ONCE as u64);
         let seeds: Vec<u64> = (first..next).map(|k| plan.seed.wrapping_add(k)).collect();
-        let end = |(k, &seed): (usize, &u64)| match kept.as_ref().and_then(|kept| kept.end(first + k as u64))
-        {
-            Some(end) => Ok(end),
-            None => fly(&Conditions::of(seed), &plan.config),
+        let end = |places: &[u64]| {
+            let known = |place: &u64| kept.as_ref().and_then(|kept| kept.end(*place));
+            let new: Vec<u64> = places.iter().filter(|place| known(place).is_none()).copied().collect();
+            let seeds: Vec<u64> = new.iter().map(|place| plan.seed.wrapping_add(*place)).collect();
+            let mut flown = fly(&seeds, &plan.config)?.into_iter();
+            Ok(places.iter().filter_map(|place| known(place).or_else(|| flown.next())).collect::<Vec<_>>())
         };
-        let ends: Vec<(End, Last)> =
-            seeds.par_iter().enumerate().map(end).collect::<Result<_, SilError>>()?;
+        let places: Vec<u64> = (first..next).collect();
+        let ends: Vec<Vec<(End, Last)>> =
+            places.par_chunks(TOGETHER).map(end).collect::<Result<_, SilError>>()?;
+        let ends = ends.concat();
         if let Some(kept) = &mut kept {
             kept.add(first, &seeds, &ends)?;
         }

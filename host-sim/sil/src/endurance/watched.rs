@@ -9,7 +9,7 @@ use proto::State;
 
 use super::crash::{Crash, Watch};
 use crate::craft::FaultKind;
-use crate::flight::{ClosedLoop, FlightPlan, Row, SilError};
+use crate::flight::{FlightPlan, Recording, Row, SilError, fly_side_by_side};
 
 /// What the optimiser leaves of the derivatives' squares where there is an equilibrium, SI squared.
 const BALANCED: f64 = 1e-6;
@@ -56,6 +56,28 @@ pub fn impossible(plan: &FlightPlan) -> Option<Impossible> {
     (asked > greatest).then_some(Impossible::TooWeak { asked, greatest, lowest_v })
 }
 
+/// [`impossible`] of one flight after the other: the same craft under the same conditions is judged once, whatever gains fly it.
+#[derive(Debug, Default)]
+pub struct Feasibility {
+    last: Option<(FlightPlan, Option<Impossible>)>,
+}
+
+impl Feasibility {
+    /// As [`impossible`].
+    pub fn impossible(&mut self, plan: &FlightPlan) -> Option<Impossible> {
+        let conditions = |plan: &FlightPlan| (plan.battery, plan.duration_s, plan.config.command_range);
+        let is_alike = |own: &FlightPlan| {
+            conditions(own) == conditions(plan) && own.faults == plan.faults && own.model == plan.model
+        };
+        if let Some((_, why)) = self.last.as_ref().filter(|(own, _)| is_alike(own)) {
+            return *why;
+        }
+        let why = impossible(plan);
+        self.last = Some((plan.clone(), why));
+        why
+    }
+}
+
 /// By how much the faults of a plan weaken a motor, command units.
 fn weakness(plan: &FlightPlan) -> f64 {
     let of = |kind| match kind {
@@ -66,7 +88,7 @@ fn weakness(plan: &FlightPlan) -> f64 {
 }
 
 /// How far off the faults of a plan let the tracker see the craft, m.
-pub(super) fn tracker_off_m(plan: &FlightPlan) -> [f64; 3] {
+fn tracker_off_m(plan: &FlightPlan) -> [f64; 3] {
     let of = |kind| match kind {
         FaultKind::PoseShifted(by) => Some(by.map(f64::from)),
         _ => None,
@@ -74,49 +96,54 @@ pub(super) fn tracker_off_m(plan: &FlightPlan) -> [f64; 3] {
     plan.faults.iter().find_map(|fault| of(fault.kind)).unwrap_or_default()
 }
 
-/// Flies a plan to its end or its crash, and shows each tick; how it crashed, and after how many s. There are walls unless the
-/// supervisor has no fence.
-///
-/// # Errors
-/// A plan or configuration that cannot be flown.
+/// How a flight crashed, and after how many s.
+type Crashed = Option<(Crash, f64)>;
+
+/// Flies plans to their ends or crashes, side by side, and shows each tick of each, by its number. There are walls unless the supervisor
+/// has no fence. What comes of each is an error where its plan or configuration cannot be flown.
 pub(super) fn until_crash(
-    plan: &FlightPlan,
-    tracker_off_m: [f64; 3],
-    mut see: impl FnMut(&Row),
-) -> Result<Option<(Crash, f64)>, SilError> {
-    let period_s = plan.config.sample_time_s;
-    let mut flight = ClosedLoop::in_process(plan)?;
-    let watch = Watch::new(period_s, -plan.start_m[2], State::Flying);
-    let caged = plan.config.supervision.fence != Fence::NONE;
-    let mut watch = watch.with_tracker_off(tracker_off_m).with_walls(caged);
-    for tick in 0..=plan.ticks() {
-        let row = flight.step()?;
-        see(&row);
+    plans: &[&FlightPlan],
+    mut see: impl FnMut(usize, &Row),
+) -> Vec<Result<Crashed, SilError>> {
+    let begun = |plan: &&FlightPlan| {
+        let watch = Watch::new(plan.config.sample_time_s, -plan.start_m[2], State::Flying);
+        let caged = plan.config.supervision.fence != Fence::NONE;
+        (watch.with_tracker_off(tracker_off_m(plan)).with_walls(caged), 0_u32)
+    };
+    let mut watches: Vec<(Watch, u32)> = plans.iter().map(begun).collect();
+    let mut crashes: Vec<Crashed> = vec![None; plans.len()];
+    let results = fly_side_by_side(plans, |number, row| {
+        see(number, row);
+        let (watch, tick) = &mut watches[number];
         let position_m = row.truth.position_m.map(f64::from);
-        if let Some(crash) = watch.look(position_m, row.supervision.state, row.supervision.conditions) {
-            return Ok(Some((crash, f64::from(tick) * period_s)));
-        }
-    }
-    Ok(None)
+        let crash = watch.look(position_m, row.supervision.state, row.supervision.conditions);
+        crashes[number] = crash.map(|crash| (crash, f64::from(*tick) * plans[number].config.sample_time_s));
+        *tick += 1;
+        crashes[number].is_none()
+    });
+    results.into_iter().zip(crashes).map(|(result, crash)| result.map(|()| crash)).collect()
 }
 
 /// A flight that was watched.
 #[derive(Debug, Clone)]
 pub struct Watched {
     /// Every tick, to its end or its crash.
-    pub recording: crate::flight::Recording,
+    pub recording: Recording,
     /// How it crashed, and after how many s.
     pub crash: Option<(Crash, f64)>,
 }
 
-/// Flies a plan to its end or its crash.
-///
-/// # Errors
-/// A plan or configuration that cannot be flown.
-pub fn fly_watched(plan: &FlightPlan) -> Result<Watched, SilError> {
-    let mut rows = Vec::with_capacity(plan.ticks() as usize + 1);
-    let crash = until_crash(plan, tracker_off_m(plan), |row| rows.push(*row))?;
-    let recording =
-        crate::flight::Recording { rows, period_s: plan.config.sample_time_s, complete: crash.is_none() };
-    Ok(Watched { recording, crash })
+/// Flies plans to their ends or crashes: each as if it was alone, to the bit, but many take less time together. What comes of each is an
+/// error where its plan or configuration cannot be flown.
+pub fn fly_watched(plans: &[&FlightPlan]) -> Vec<Result<Watched, SilError>> {
+    let room = |plan: &&FlightPlan| Vec::with_capacity(plan.ticks() as usize + 1);
+    let mut rows: Vec<Vec<Row>> = plans.iter().map(room).collect();
+    let crashes = until_crash(plans, |number, row| rows[number].push(*row));
+    let flown = plans.iter().zip(rows).zip(crashes);
+    let watched = flown.map(|((plan, rows), crash)| {
+        let crash = crash?;
+        let recording = Recording { rows, period_s: plan.config.sample_time_s, complete: crash.is_none() };
+        Ok(Watched { recording, crash })
+    });
+    watched.collect()
 }

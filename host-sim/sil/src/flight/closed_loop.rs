@@ -13,9 +13,9 @@ use crate::flight_computer::{FlightComputer, FlightComputerError, InProcess};
 /// Controller and craft in lockstep, to be stepped one tick at a time.
 #[derive(Debug, Clone)]
 pub struct ClosedLoop<'a, L> {
-    plan: &'a FlightPlan,
+    pub(super) plan: &'a FlightPlan,
     link: L,
-    craft: SimulatedCraft,
+    pub(super) craft: SimulatedCraft,
     start: Start,
     delay: Delay<([f32; 3], [f32; 3])>,
     excitation: Option<Excitation>,
@@ -69,10 +69,19 @@ impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
     /// What goes wrong on the link; never in process.
     #[inline]
     pub fn step(&mut self) -> Result<Row, FlightComputerError> {
+        let Decided { row, motors, battery_v } = self.decide()?;
+        self.craft.advance(&motors, battery_v);
+        self.settle();
+        Ok(row)
+    }
+
+    /// What comes before the craft advances in a tick.
+    #[inline(always)]
+    pub(super) fn decide(&mut self) -> Result<Decided, FlightComputerError> {
         let battery_v = self.craft.voltage_v();
         let sensed = self.craft.sense(battery_v);
         let (position_m, attitude_rad) = self.delay.push((sensed.position_m, sensed.attitude_rad));
-        let time_s = f64::from(self.tick) * self.plan.config.sample_time_s;
+        let time_s = self.time_s();
         let mut command = self.plan.script.command(&self.start, time_s);
         if let Some(excitation) = &mut self.excitation {
             command.injection = excitation.next_sample();
@@ -99,16 +108,34 @@ impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
         let row = Row { truth, sensed, position_command_m: command.position_m, output, supervision };
         let motors =
             self.faults.motors(&self.plan.faults, time_s, output.pwm, self.plan.config.command_range);
-        self.craft.advance(&motors, battery_v);
-        if let Some(roll_rad) = Faults::hangs(&self.plan.faults, time_s) {
+        Ok(Decided { row, motors, battery_v })
+    }
+
+    /// What comes after it.
+    #[inline(always)]
+    pub(super) fn settle(&mut self) {
+        if let Some(roll_rad) = Faults::hangs(&self.plan.faults, self.time_s()) {
             self.craft.hang(roll_rad);
         }
         if let Some(floor_m) = self.plan.floor_m {
             self.craft.stop_at(floor_m);
         }
         self.tick += 1;
-        Ok(row)
     }
+
+    #[inline(always)]
+    fn time_s(&self) -> f64 {
+        f64::from(self.tick) * self.plan.config.sample_time_s
+    }
+}
+
+/// What a tick does to the craft.
+pub(super) struct Decided {
+    pub(super) row: Row,
+    /// What the motors get, command units.
+    pub(super) motors: [f32; 4],
+    /// At the battery's terminals, V.
+    pub(super) battery_v: f64,
 }
 
 /// Flies `plan` in this process.

@@ -7,6 +7,7 @@ mod error;
 mod plan;
 mod recording;
 mod script;
+mod side_by_side;
 
 pub(crate) use battery::battery_of;
 pub use closed_loop::{ClosedLoop, fly, fly_over};
@@ -17,3 +18,4 @@ pub use plan::FlightPlan;
 pub use recording::{Recording, Row, Truth};
 pub(crate) use script::Start;
 pub use script::{Script, StepAxis, StepCommand, Waypoint};
+pub(crate) use side_by_side::fly_side_by_side;

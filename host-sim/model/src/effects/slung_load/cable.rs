@@ -50,7 +50,12 @@ impl SlungLoad {
     }
 
     /// The swing's derivative under the specific force of everything but the cable, inertial, m/s^2.
-    pub(crate) fn derivative(&self, pendulum: &Pendulum, force_ned_m_s2: Vector3<f64>, gravity_m_s2: f64) -> Pendulum {
+    pub(crate) fn derivative(
+        &self,
+        pendulum: &Pendulum,
+        force_ned_m_s2: Vector3<f64>,
+        gravity_m_s2: f64,
+    ) -> Pendulum {
         let Pendulum { direction: n, turning_rad_s: w } = pendulum;
         Pendulum {
             direction: w.cross(n),

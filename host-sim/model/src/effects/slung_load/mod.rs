@@ -34,7 +34,8 @@ pub(super) const INFO: EffectInfo = EffectInfo {
 /// Lengths from which a fit starts, m: a quarter apart, an eighth in frequency, which is as wide as the resonance of a
 /// swing with the damping that they start with.
 const STARTING_LENGTHS_M: [f64; 17] = [
-    0.098, 0.122, 0.153, 0.191, 0.238, 0.298, 0.373, 0.466, 0.582, 0.728, 0.91, 1.14, 1.42, 1.78, 2.22, 2.78, 3.47,
+    0.098, 0.122, 0.153, 0.191, 0.238, 0.298, 0.373, 0.466, 0.582, 0.728, 0.91, 1.14, 1.42, 1.78, 2.22, 2.78,
+    3.47,
 ];
 /// Damping ratio from which a fit starts.
 const STARTING_DAMPING: f64 = 0.06;
@@ -49,6 +50,7 @@ pub(super) struct Adjustment {
 }
 
 impl Adjustment {
+    #[inline(always)]
     pub(super) fn new(c: &[f64], _: f64) -> Self {
         Self { load: Some(SlungLoad { mass_kg: c[0], cable_length_m: c[1], damping_ratio: c[2] }) }
     }
