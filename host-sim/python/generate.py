@@ -24,7 +24,7 @@ MODELS = {"identify", "add", "explain"}
 # What a value is, by the word that stands for it in the help.
 TYPES = {
     "CSV": "Flights", "FLIGHTS": "Flights", "LOG": "Flights", "N": "int", "SAMPLES": "int", "COUNT": "int", "CASE": "int",
-    "I": "int", "1..4": "int", "EFFECT": "str", "NAME": "str", "COEFFICIENT": "str", "SIGNAL": "str", "S": "float", "SHARE": "float", "PERCENT": "float", "HZ": "float", "COMMAND": "float",
+    "I": "int", "1..4": "int", "EFFECT": "str", "NAME": "str", "COEFFICIENT": "str", "SIGNAL": "str", "S": "float", "SHARE": "float", "PERCENT": "float", "HZ": "float", "DATE": "str", "COMMAND": "float",
 }
 HEAD = '''"""The commands of quadlab as functions: each takes the options of the command of the same name.
 

@@ -20,7 +20,6 @@ mod plan;
 mod search;
 mod statistics;
 mod summary;
-mod table;
 
 pub use case::{CaseFlight, Flown};
 pub use causes::{Causes, Needed};

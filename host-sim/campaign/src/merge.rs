@@ -7,7 +7,7 @@ use sha2::{Digest, Sha256};
 use crate::error::CampaignError;
 use crate::part::{CAMPAIGN, part_path, sealed};
 use crate::plan::{Plan, hex};
-use crate::table::Table;
+use table::Table;
 
 /// Name of the file with all cases.
 pub const MERGED: &str = "cases.parquet";

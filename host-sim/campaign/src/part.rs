@@ -9,7 +9,7 @@ use sha2::{Digest, Sha256};
 use crate::case::Flown;
 use crate::error::CampaignError;
 use crate::plan::{Case, Plan, hex};
-use crate::table::{Table, Values};
+use table::{Table, Values};
 
 /// What is told beside a part: the part counts once this is there.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]

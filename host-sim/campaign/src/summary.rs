@@ -12,7 +12,7 @@ use crate::drivers::{Driver, drivers};
 use crate::part::INPUT;
 use crate::plan::{Campaign, Plan};
 use crate::statistics::{Interval, exact_interval, mcnemar_p_value, paired_interval};
-use crate::table::Table;
+use table::Table;
 
 /// Worst cases that are named for each gains.
 const WORST: usize = 5;

@@ -88,9 +88,15 @@ const ARROWS: &[Allowed] = &[
         ],
         why: "the loop joins plant and controller, writes flight files, and draws and judges its responses",
     },
+    Allowed { from: "table", to: &[], why: "columns of numbers and words mean nothing to it" },
+    Allowed {
+        from: "fleet",
+        to: &["model", "flights", "logs", "sysid", "diagnosis", "report", "table"],
+        why: "flights are read, checked and fitted as for one model, and kept as tables",
+    },
     Allowed {
         from: "campaign",
-        to: &["sil", "design", "model", "control", "report"],
+        to: &["sil", "design", "model", "control", "report", "table"],
         why: "many flights of the loop over what a model leaves open, and what came of them",
     },
     Allowed {
@@ -134,6 +140,8 @@ const ARROWS: &[Allowed] = &[
             "design",
             "sil",
             "campaign",
+            "fleet",
+            "table",
             "export",
             "ground",
         ],

@@ -183,6 +183,38 @@ impl LoadedFlight {
         Self::examined(flight, vehicle, &reading.parts(Some(&path))?, path, sha256)
     }
 
+    /// The flights of a file whose bytes were read, checked and prepared, each with what stands in the way of it; and what the log says of
+    /// itself, of a log of another program. Their hashes are the file's.
+    #[allow(clippy::type_complexity, reason = "a pair with two kinds of results")]
+    pub fn all_of_bytes(
+        bytes: Vec<u8>,
+        path: &Path,
+        vehicle: &Vehicle,
+        reading: Reading,
+    ) -> Result<(Vec<Result<Self, WorkflowError>>, Option<logs::Import>), WorkflowError> {
+        let map = ColumnMap::of_flight(path, vehicle)?;
+        let sha256 = sha256(&bytes);
+        let examine = |flight: &Flight, beside: PathBuf, sha256: String| {
+            flight.check_against(vehicle, path)?;
+            Self::examined(flight, vehicle, &reading.parts(Some(&beside))?, beside, sha256)
+        };
+        if logs::Format::of(&bytes).is_none() {
+            let flight = Flight::parse_with(&bytes, path, &map)?;
+            return Ok((vec![examine(&flight, path.into(), sha256)], None));
+        }
+        let mut import = logs::import_bytes(bytes, path, &map)?;
+        if import.flights.is_empty() {
+            return Err(logs::LogError::nothing_flown(path).into());
+        }
+        let of_cut = |part: &mut logs::Part| {
+            let beside = path.with_file_name(&part.flight.name);
+            part.flight.complete(path)?;
+            examine(&part.flight, beside, sha256.clone())
+        };
+        let flights = import.flights.iter_mut().map(of_cut).collect();
+        Ok((flights, Some(import)))
+    }
+
     /// Whether its rotor clock wanders.
     pub(crate) fn wanders(&self) -> bool {
         self.prepared.alignment.as_ref().is_some_and(|alignment| !alignment.wandering.is_empty())

@@ -32,6 +32,7 @@ __all__ = [
     "campaign_replay",
     "campaign_why",
     "campaign_search",
+    "fleet",
     "motor_map",
     "excite",
     "plan",
@@ -768,6 +769,70 @@ def campaign_search(
         "force": ("force", force),
     }
     return run(["campaign", "search"], options, has_json=True, makes_model=False)
+
+
+def fleet(
+    folder: Path,
+    *,
+    index: Path | None = None,
+    verify: bool = False,
+    refresh: bool = False,
+    forget: bool = False,
+    effects: str | Sequence[str] | None = None,
+    without: str | Sequence[str] | None = None,
+    craft: str | Sequence[str] | None = None,
+    leave_out: str | Sequence[str] | None = None,
+    since: str | None = None,
+    until: str | None = None,
+    no_causes: bool = False,
+    check: bool = False,
+    out: Path | None = None,
+    html: Path | None = None,
+    force: bool = False,
+) -> Result:
+    """Follow many flights of many craft: each craft's model over time, what changed when and why, which
+    craft and batteries differ, which loggers have faults.
+
+    Each flight is read once; an index keeps its normal equations, so that new flights, fewer flights or
+    other effects are answered without reading a log again.
+
+    folder: Folder with a folder for each craft, or of one craft.
+    index: Index to keep what was read in [default: .quadlab/fleet.parquet in the folder].
+    verify: Compare the content of every file with the index, whatever its size and time of change say.
+    refresh: Make the reference models of the craft anew, and read all flights about them.
+    forget: Forget flights whose files are gone.
+    effects: Fit these effects beside the basic ones.
+    without: Leave these effects out of the fit.
+    craft: Look at these craft only.
+    leave_out: Leave flights out, by their paths in the folder.
+    since: Look at flights from this date on.
+    until: Look at flights up to this date.
+    no_causes: Do not ask the logs before and after a change for its cause, as `quadlab diagnose
+        changed` does.
+    check: `holds` is False if a craft changed.
+    out: Folder for tables of flights, histories and changes, as Parquet and CSV.
+    html: Page to write.
+    force: Overwrite existing output files.
+    """
+    options = {
+        "folder": (None, folder),
+        "index": ("index", index),
+        "verify": ("verify", verify),
+        "refresh": ("refresh", refresh),
+        "forget": ("forget", forget),
+        "effects": ("effects", effects),
+        "without": ("without", without),
+        "craft": ("craft", craft),
+        "leave_out": ("leave-out", leave_out),
+        "since": ("since", since),
+        "until": ("until", until),
+        "no_causes": ("no-causes", no_causes),
+        "check": ("check", check),
+        "out": ("out", out),
+        "html": ("html", html),
+        "force": ("force", force),
+    }
+    return run(["fleet"], options, has_json=True, makes_model=False)
 
 
 def motor_map(

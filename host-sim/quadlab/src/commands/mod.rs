@@ -16,6 +16,7 @@ pub(crate) mod effects;
 pub(crate) mod excite;
 pub(crate) mod explain;
 pub(crate) mod export;
+pub(crate) mod fleet;
 pub(crate) mod ground;
 pub(crate) mod identify;
 pub(crate) mod import;

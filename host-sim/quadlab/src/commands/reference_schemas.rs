@@ -29,7 +29,7 @@ pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// File name, command and schema of each document.
-fn schemas() -> [(&'static str, &'static str, Schema); 22] {
+fn schemas() -> [(&'static str, &'static str, Schema); 23] {
     [
         ("import", "import", of::<import::Document>()),
         ("identify", "identify", of::<WithFaults<identify::Document>>()),
@@ -50,6 +50,7 @@ fn schemas() -> [(&'static str, &'static str, Schema); 22] {
         ("motor-map", "motor-map", of::<motor_map::Document>()),
         ("excite", "excite", of::<excite::Document>()),
         ("plan", "plan", of::<plan::Document>()),
+        ("fleet", "fleet", of::<fleet::Answer>()),
         ("campaign", "campaign report", of::<campaign::Summary>()),
         ("campaign-why", "campaign why", of::<campaign::Causes>()),
         ("campaign-search", "campaign search", of::<campaign::Found>()),

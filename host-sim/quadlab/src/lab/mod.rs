@@ -27,7 +27,6 @@ mod routes;
 mod server;
 mod session;
 mod store;
-mod table;
 mod terminal;
 mod timeline;
 mod trials;

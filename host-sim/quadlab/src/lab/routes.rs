@@ -399,9 +399,9 @@ async fn series_text(State(session): Shared, Asked(of): Asked<OfFlight>) -> Resu
 
 async fn series_parquet(State(session): Shared, Asked(of): Asked<OfFlight>) -> Result<Response, Refused> {
     aside(move || {
-        let table = session.seen(of.model, &of.flight)?.table();
-        let about = [("model", of.model.to_string()), ("flight", of.flight.clone())];
-        Ok(download(&of.file("parquet"), "application/vnd.apache.parquet", table.to_parquet(&about)?))
+        let mut table = session.seen(of.model, &of.flight)?.table();
+        table.about = vec![("model".into(), of.model.to_string()), ("flight".into(), of.flight.clone())];
+        Ok(download(&of.file("parquet"), "application/vnd.apache.parquet", table.to_parquet()?))
     })
     .await
 }

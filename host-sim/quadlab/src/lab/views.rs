@@ -8,11 +8,11 @@ use serde::Serialize;
 use serde_json::{Value, json};
 use sysid::compare::predict_ahead;
 use sysid::fit::linearise::contributions;
+use table::{Table, Values};
 
 use super::numbers::{self, Rows, Window};
 use super::refused::Refused;
 use super::room::{self, Place};
-use super::table::Table;
 use crate::render::view::View;
 
 /// A flight held against a model, by itself: what `quadlab compare` does with it alone.
@@ -281,14 +281,14 @@ impl Seen {
     pub(super) fn table(&self) -> Table {
         let view = &self.view;
         let mut table = Table::default();
-        table.push("t_s", view.time_s.clone());
+        table.push("t_s", Values::Real(view.time_s.clone()));
         for axis in AXES {
             let unit = if axis.index() < 3 { "m_s2" } else { "rad_s2" };
             let (measured, residual) = (&view.residuals.measured[axis.index()], view.residual(axis));
             let predicted = measured.iter().zip(residual).map(|(y, e)| y - e).collect();
-            table.push(format!("{axis}_measured_{unit}"), measured.clone());
-            table.push(format!("{axis}_predicted_{unit}"), predicted);
-            table.push(format!("{axis}_residual_{unit}"), residual.to_vec());
+            table.push(format!("{axis}_measured_{unit}"), Values::Real(measured.clone()));
+            table.push(format!("{axis}_predicted_{unit}"), Values::Real(predicted));
+            table.push(format!("{axis}_residual_{unit}"), Values::Real(residual.to_vec()));
         }
         table
     }

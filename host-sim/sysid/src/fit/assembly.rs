@@ -19,7 +19,7 @@ const LATENESS: f64 = 1.4;
 
 /// By what the residual of each flight changes if its commands took effect one such deviation away; nothing where times are even or
 /// the clock of measured rotor speeds was found.
-pub(crate) fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColumn>> {
+pub fn timing(flights: &[&Prepared], model: &Model) -> Vec<Option<RowColumn>> {
     let of = |flight: &&Prepared| {
         let is_known = flight.has_rotor_speeds() && flight.alignment.is_some();
         (flight.jitter_s > 0.0 && !is_known).then(|| {

@@ -68,6 +68,7 @@ pub struct Solution {
 }
 
 /// The triangle of [X | y] on one axis, over the parameters that act there.
+#[derive(Debug, Clone, PartialEq)]
 pub struct AxisTriangle {
     /// Those that act there, in order.
     pub parameters: Vec<usize>,
@@ -94,11 +95,19 @@ pub fn solve_without_errors(
     flights: &[FlightRows],
     priors: &[Option<Prior>],
 ) -> Result<Solution, Unidentifiable> {
-    let parameters = priors.len();
-    let triangles: Vec<AxisTriangle> = (0..6).map(|axis| axis_triangle(flights, axis, parameters)).collect();
-    let rows: usize = flights.iter().map(FlightRows::rows).sum();
+    let triangles = std::array::from_fn(|axis| axis_triangle(flights, axis, priors.len()));
+    solve_triangles(&triangles, flights.iter().map(FlightRows::rows).sum(), priors)
+}
+
+/// The same from the triangle of each axis: what is left of so many rows once they have been forgotten. Parameters that act on several
+/// axes join them.
+pub fn solve_triangles(
+    triangles: &[AxisTriangle; 6],
+    rows: usize,
+    priors: &[Option<Prior>],
+) -> Result<Solution, Unidentifiable> {
     let mut sigma = [1.0; 6];
-    let mut value = solve_merged(&triangles, priors, &sigma)?.0;
+    let mut value = solve_merged(triangles, priors, &sigma)?.0;
     // Two passes: the first weights come from an unweighted fit, the second from a weighted one.
     let mut inverse = DMatrix::zeros(0, 0);
     let mut condition = 1.0;
@@ -108,7 +117,7 @@ pub fn solve_without_errors(
             // An axis fitted to the last bit (made-up data) must not get infinite weight.
             sigma[axis] = sigma[axis].max(1e-9);
         }
-        (value, inverse, condition) = solve_merged(&triangles, priors, &sigma)?;
+        (value, inverse, condition) = solve_merged(triangles, priors, &sigma)?;
     }
     Ok(Solution { value, covariance: inverse, sigma, condition })
 }
@@ -140,7 +149,7 @@ pub fn with_errors_beside(
         }
     }
     meat.ger(1.0, &common, &common, 1.0);
-    let short = short_record(flights);
+    let short = short_record(flights.iter().map(|flight| flight.rows() as f64 * flight.period_s).sum());
     let covariance = &solution.covariance * meat * solution.covariance.transpose() * (short * short);
     Solution { covariance, ..solution }
 }
@@ -148,8 +157,7 @@ pub fn with_errors_beside(
 /// By how much standard errors grow since windows are no small part of the flights: the covariance is an estimate that scatters, and
 /// comes out too small. The 95 % point of Kiefer and Vogelsang (2005) for a Bartlett window of this part of the record, over the
 /// normal one's.
-fn short_record(flights: &[FlightRows]) -> f64 {
-    let record_s: f64 = flights.iter().map(|flight| flight.rows() as f64 * flight.period_s).sum();
+pub fn short_record(record_s: f64) -> f64 {
     let b = (WINDOW_S / record_s).min(1.0);
     (1.96 + b * (2.9694 + b * (0.4160 - b * 0.5324))) / 1.96
 }
@@ -181,6 +189,19 @@ pub fn axis_triangle(flights: &[FlightRows], axis: usize, parameters: usize) -> 
         }
     }
     AxisTriangle { parameters: active, triangle }
+}
+
+impl AxisTriangle {
+    /// The triangle of this one's rows and of those of `other`, which speaks of the same parameters.
+    pub fn absorb(&mut self, other: &Self) {
+        debug_assert_eq!(self.parameters, other.parameters);
+        absorb(&mut self.triangle, &mut other.triangle.clone());
+    }
+
+    /// Norm of what these values of all parameters leave.
+    pub fn left(&self, value: &DVector<f64>) -> f64 {
+        residual_norm(self, value)
+    }
 }
 
 /// The triangle of a triangle over a block of rows, by Householder reflections (Golub and Van Loan 2013, section 5.2);

@@ -38,6 +38,7 @@ mod undefined;
 mod unloaded;
 pub mod weather;
 
+pub use assembly::timing;
 pub use doubts::{SignDoubt, impossible_signs, produces_thrust, rotation_doubts, rotor_signs, sign_doubts};
 pub use error::{FitError, check_residuals};
 pub use fitted::Fit;

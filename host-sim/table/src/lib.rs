@@ -1,16 +1,21 @@
-//! Tables of columns of several kinds, in Parquet.
+//! Tables of columns of several kinds, as Parquet and as comma-separated text.
+//!
+//! Equal tables give equal bytes, and real numbers come back bit by bit.
+#![forbid(unsafe_code)]
 
+use std::fmt::Write as _;
 use std::sync::Arc;
+
+pub use parquet::errors::ParquetError;
 
 use parquet::basic::{LogicalType, Repetition, Type as Kind};
 use parquet::column::reader::ColumnReader;
 use parquet::data_type::{BoolType, ByteArray, ByteArrayType, DoubleType, Int64Type};
-use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
-use parquet::file::reader::{FileReader, SerializedFileReader};
-use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::types::Type;
+use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
+use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
+use parquet::schema::types::{ColumnPath, Type};
 
 /// The values of a column.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +28,8 @@ pub enum Values {
     Flag(Vec<bool>),
     /// Words.
     Text(Vec<String>),
+    /// Real numbers, any number of them in a row.
+    Lists(Vec<Vec<f64>>),
 }
 
 /// A column with its name, which ends with the unit.
@@ -51,6 +58,7 @@ impl Values {
             Self::Real(values) => values.len(),
             Self::Flag(values) => values.len(),
             Self::Text(values) => values.len(),
+            Self::Lists(values) => values.len(),
         }
     }
 
@@ -62,7 +70,7 @@ impl Values {
     const fn kind(&self) -> Kind {
         match self {
             Self::Whole(_) => Kind::INT64,
-            Self::Real(_) => Kind::DOUBLE,
+            Self::Real(_) | Self::Lists(_) => Kind::DOUBLE,
             Self::Flag(_) => Kind::BOOLEAN,
             Self::Text(_) => Kind::BYTE_ARRAY,
         }
@@ -75,6 +83,7 @@ impl Values {
             (Self::Real(all), Self::Real(more)) => all.extend(more),
             (Self::Flag(all), Self::Flag(more)) => all.extend(more),
             (Self::Text(all), Self::Text(more)) => all.extend(more),
+            (Self::Lists(all), Self::Lists(more)) => all.extend(more),
             _ => return false,
         }
         true
@@ -129,6 +138,22 @@ impl Table {
         }
     }
 
+    /// A column of lists by its name.
+    pub fn lists(&self, name: &str) -> Option<&[Vec<f64>]> {
+        match &self.column(name)?.values {
+            Values::Lists(values) => Some(values),
+            _ => None,
+        }
+    }
+
+    /// Takes the lists out of a column by its name.
+    pub fn take_lists(&mut self, name: &str) -> Option<Vec<Vec<f64>>> {
+        match &mut self.columns.iter_mut().find(|column| column.name == name)?.values {
+            Values::Lists(values) => Some(std::mem::take(values)),
+            _ => None,
+        }
+    }
+
     fn column(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|column| column.name == name)
     }
@@ -151,27 +176,19 @@ impl Table {
     pub fn to_parquet(&self) -> Result<Vec<u8>, ParquetError> {
         let field = |column: &Column| {
             let text = matches!(column.values, Values::Text(_)).then_some(LogicalType::String);
+            let several = matches!(column.values, Values::Lists(_));
+            let repetition = if several { Repetition::REPEATED } else { Repetition::REQUIRED };
             let builder = Type::primitive_type_builder(&column.name, column.values.kind());
-            builder.with_repetition(Repetition::REQUIRED).with_logical_type(text).build().map(Arc::new)
+            builder.with_repetition(repetition).with_logical_type(text).build().map(Arc::new)
         };
         let fields = self.columns.iter().map(field).collect::<Result<Vec<_>, _>>()?;
-        let schema = Arc::new(Type::group_type_builder("cases").with_fields(fields).build()?);
-        let about = self.about.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone())).collect();
-        let properties = WriterProperties::builder().set_key_value_metadata(Some(about)).build();
+        let schema = Arc::new(Type::group_type_builder("rows").with_fields(fields).build()?);
         let mut bytes = Vec::new();
-        let mut writer = SerializedFileWriter::new(&mut bytes, schema, Arc::new(properties))?;
+        let mut writer = SerializedFileWriter::new(&mut bytes, schema, Arc::new(self.properties()))?;
         let mut rows = writer.next_row_group()?;
         let mut columns = self.columns.iter();
         while let (Some(mut into), Some(column)) = (rows.next_column()?, columns.next()) {
-            match &column.values {
-                Values::Whole(values) => into.typed::<Int64Type>().write_batch(values, None, None)?,
-                Values::Real(values) => into.typed::<DoubleType>().write_batch(values, None, None)?,
-                Values::Flag(values) => into.typed::<BoolType>().write_batch(values, None, None)?,
-                Values::Text(values) => {
-                    let values: Vec<ByteArray> = values.iter().map(|text| text.as_str().into()).collect();
-                    into.typed::<ByteArrayType>().write_batch(&values, None, None)?
-                }
-            };
+            write(&mut into, &column.values)?;
             into.close()?;
         }
         rows.close()?;
@@ -179,12 +196,52 @@ impl Table {
         Ok(bytes)
     }
 
+    fn properties(&self) -> WriterProperties {
+        let about = self.about.iter().map(|(key, value)| KeyValue::new(key.clone(), value.clone())).collect();
+        let mut properties = WriterProperties::builder().set_key_value_metadata(Some(about));
+        // Numbers that hardly ever repeat gain nothing from a dictionary.
+        for column in self.columns.iter().filter(|column| matches!(column.values, Values::Lists(_))) {
+            let path = ColumnPath::from(column.name.as_str());
+            properties = properties.set_column_dictionary_enabled(path, false);
+        }
+        properties.build()
+    }
+
+    /// As comma-separated text with a header: numbers with all their digits, nothing for NaN, words in quotes where they need them,
+    /// the numbers of a list with spaces between them.
+    pub fn to_csv(&self) -> String {
+        let names: Vec<String> = self.columns.iter().map(|column| quoted(&column.name)).collect();
+        let mut text = names.join(",") + "\n";
+        for row in 0..self.rows() {
+            for (place, column) in self.columns.iter().enumerate() {
+                if place > 0 {
+                    text.push(',');
+                }
+                write_cell(&mut text, &column.values, row);
+            }
+            text.push('\n');
+        }
+        text
+    }
+
     /// Reads what [`Self::to_parquet`] wrote.
     ///
     /// # Errors
     /// Bytes that are no such file.
     pub fn from_parquet(bytes: Vec<u8>) -> Result<Self, ParquetError> {
-        let reader = SerializedFileReader::new(bytes::Bytes::from(bytes))?;
+        Self::read(bytes::Bytes::from(bytes))
+    }
+
+    /// Reads such a file, a column at a time.
+    ///
+    /// # Errors
+    /// A file that is none.
+    pub fn from_file(file: std::fs::File) -> Result<Self, ParquetError> {
+        Self::read(file)
+    }
+
+    fn read(from: impl ChunkReader + 'static) -> Result<Self, ParquetError> {
+        let reader = SerializedFileReader::new(from)?;
         let meta = reader.metadata().file_metadata();
         let keys = meta.key_value_metadata().into_iter().flatten();
         let about = keys.map(|own| (own.key.clone(), own.value.clone().unwrap_or_default())).collect();
@@ -197,7 +254,9 @@ impl Table {
                 .map_err(|_| ParquetError::General("a negative number of rows".into()))?;
             let mut part = Self::default();
             for (place, name) in names.iter().enumerate() {
-                part.push(name, values(rows.get_column_reader(place)?, count)?);
+                let repeated = meta.schema_descr().column(place).max_rep_level() > 0;
+                let reader = rows.get_column_reader(place)?;
+                part.push(name, if repeated { lists(reader, count)? } else { values(reader, count)? });
             }
             if !all.append(part) {
                 return Err(ParquetError::General("row groups of different columns".into()));
@@ -205,6 +264,79 @@ impl Table {
         }
         Ok(all)
     }
+}
+
+/// Writes the values of a column.
+fn write(into: &mut SerializedColumnWriter<'_>, values: &Values) -> Result<(), ParquetError> {
+    match values {
+        Values::Whole(values) => into.typed::<Int64Type>().write_batch(values, None, None)?,
+        Values::Real(values) => into.typed::<DoubleType>().write_batch(values, None, None)?,
+        Values::Flag(values) => into.typed::<BoolType>().write_batch(values, None, None)?,
+        Values::Text(values) => {
+            let values: Vec<ByteArray> = values.iter().map(|text| text.as_str().into()).collect();
+            into.typed::<ByteArrayType>().write_batch(&values, None, None)?
+        }
+        Values::Lists(lists) => {
+            let (mut all, mut there, mut goes_on) = (Vec::new(), Vec::new(), Vec::new());
+            for list in lists {
+                all.extend_from_slice(list);
+                // One entry stands for a row even if its list is empty.
+                for place in 0..list.len().max(1) {
+                    there.push(i16::from(!list.is_empty()));
+                    goes_on.push(i16::from(place > 0));
+                }
+            }
+            into.typed::<DoubleType>().write_batch(&all, Some(&there), Some(&goes_on))?
+        }
+    };
+    Ok(())
+}
+
+/// A word as a cell of comma-separated text (RFC 4180).
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
+}
+
+fn write_cell(text: &mut String, values: &Values, row: usize) {
+    // Writing to a string cannot fail.
+    let _ = match values {
+        Values::Whole(values) => write!(text, "{}", values[row]),
+        Values::Real(values) if values[row].is_nan() => Ok(()),
+        Values::Real(values) => write!(text, "{}", values[row]),
+        Values::Flag(values) => write!(text, "{}", values[row]),
+        Values::Text(values) => write!(text, "{}", quoted(&values[row])),
+        Values::Lists(values) => {
+            let numbers: Vec<String> = values[row].iter().map(f64::to_string).collect();
+            write!(text, "{}", numbers.join(" "))
+        }
+    };
+}
+
+/// The lists of a column of a row group.
+fn lists(reader: ColumnReader, count: usize) -> Result<Values, ParquetError> {
+    let ColumnReader::DoubleColumnReader(mut reader) = reader else {
+        return Err(ParquetError::General("a list of a kind that no table of quadlab has".into()));
+    };
+    let (mut all, mut there, mut goes_on) = (Vec::new(), Vec::new(), Vec::new());
+    reader.read_records(count, Some(&mut there), Some(&mut goes_on), &mut all)?;
+    let mut lists: Vec<Vec<f64>> = Vec::with_capacity(count);
+    let mut values = all.into_iter();
+    for (there, goes_on) in there.into_iter().zip(goes_on) {
+        if goes_on == 0 {
+            lists.push(Vec::new());
+        }
+        if let (true, Some(list)) = (there > 0, lists.last_mut()) {
+            list.extend(values.next());
+        }
+    }
+    if lists.len() != count {
+        return Err(ParquetError::General("a column ends early".into()));
+    }
+    Ok(Values::Lists(lists))
 }
 
 /// The values of a column of a row group.
@@ -231,7 +363,7 @@ fn values(reader: ColumnReader, count: usize) -> Result<Values, ParquetError> {
             let texts = all.iter().map(|bytes| bytes.as_utf8().map(str::to_owned));
             Values::Text(texts.collect::<Result<_, _>>()?)
         }
-        _ => return Err(ParquetError::General("a column of a kind that no campaign has".into())),
+        _ => return Err(ParquetError::General("a column of a kind that no table of quadlab has".into())),
     };
     if read.len() != count {
         return Err(ParquetError::General("a column ends early".into()));
@@ -252,6 +384,10 @@ mod tests {
         );
         table.push("lost", Values::Flag((0..500).map(|k| k % 7 == 0).collect()));
         table.push("why", Values::Text((0..500).map(|k| format!("reason {}", k % 3)).collect()));
+        table.push(
+            "triangle",
+            Values::Lists((0..500).map(|k| vec![f64::from(k) / 3.0; (k % 4) as usize]).collect()),
+        );
         table
     }
 
@@ -262,6 +398,7 @@ mod tests {
         let back = Table::from_parquet(bytes).unwrap();
         assert_eq!((back.whole("case"), back.flag("lost")), (table().whole("case"), table().flag("lost")));
         assert_eq!((back.text("why"), back.says("campaign")), (table().text("why"), Some("7")));
+        assert_eq!(back.lists("triangle"), table().lists("triangle"));
         let bits = |table: &Table| -> Vec<u64> {
             table.real("wind_m_s").unwrap().iter().map(|v| v.to_bits()).collect()
         };
@@ -275,5 +412,19 @@ mod tests {
         let mut other = Table::default();
         other.push("case", Values::Real(vec![0.0]));
         assert!(!all.append(other));
+    }
+
+    #[test]
+    fn text_has_a_name_for_each_column_and_a_line_for_each_row() {
+        let mut table = Table::default();
+        table.push("t_s", Values::Real(vec![0.03, f64::NAN, -1e-300]));
+        table.push("why, or why not", Values::Text(vec!["a".into(), "b \"c\"".into(), "d,e".into()]));
+        table.push("r", Values::Lists(vec![vec![1.5, -2.0], Vec::new(), vec![0.1]]));
+        let csv = table.to_csv();
+        let lines: Vec<&str> = csv.lines().collect();
+        assert_eq!(lines[0], "t_s,\"why, or why not\",r");
+        assert_eq!(lines[1..3], ["0.03,a,1.5 -2", ",\"b \"\"c\"\"\","]);
+        assert_eq!(lines[3].split(',').next().unwrap().parse::<f64>().unwrap(), -1e-300);
+        assert_eq!(lines.len(), 4);
     }
 }

@@ -1,0 +1,444 @@
+//! A question to an index, and its answer. No log is read for it, but for the causes of changes that are not known yet.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use diagnosis::workflow::{Observer, Progress};
+use model::{Effect, PerAxis};
+
+use crate::cause;
+use crate::changes::Candidate;
+use crate::compare::{BatteryComparison, CraftComparison, Current, Stratum, batteries, crafts};
+use crate::document::{Answer, AxisAnswer, CoefficientAnswer, CraftAnswer, FaultAnswer, Unused};
+use crate::error::FleetError;
+use crate::events::{Event, Moment, events, explanations, motor_shares, odd_flights};
+use crate::fit::{Asked, Estimate, Pooled, of_many};
+use crate::history::{Flown, Kind, Series, voltages};
+use crate::index::Index;
+use crate::layout::Fleet;
+use crate::pass::{Indexed, save};
+use crate::row::{Row, State};
+use crate::scatter::mean;
+use crate::when::{self, When};
+
+/// What is asked.
+#[derive(Debug, Clone, Default)]
+pub struct Question {
+    /// Effects beside the basic ones, in the place of those of each craft's reference.
+    pub effects: Option<Vec<Effect>>,
+    /// Effects that are left out.
+    pub without: Vec<Effect>,
+    /// Craft; all where none is named.
+    pub crafts: Vec<String>,
+    /// Flights that are left out, by their path in the fleet's folder.
+    pub leave_out: Vec<String>,
+    /// First and last moment, Unix time in s.
+    pub span_s: [Option<f64>; 2],
+    /// Whether logs may be read for the causes of changes.
+    pub causes: bool,
+}
+
+impl Question {
+    fn is_usual(&self) -> bool {
+        self.effects.is_none() && self.without.is_empty()
+    }
+}
+
+/// A flight of a craft as the tables and pages need it.
+pub struct FlightOf<'a> {
+    /// What is kept of it.
+    pub row: &'a Row,
+    /// When it was flown.
+    pub when: When,
+    /// Its battery, where that is known.
+    pub battery: Option<String>,
+}
+
+/// A craft's flights and series, for tables and pages.
+pub struct CraftHistory<'a> {
+    /// Name of its folder.
+    pub craft: String,
+    /// Those that are fitted, in the order in which they were flown.
+    pub flights: Vec<FlightOf<'a>>,
+    /// The series over them.
+    pub series: Vec<Series>,
+}
+
+/// An answer, and the histories behind it.
+pub struct Answered<'a> {
+    /// The document.
+    pub answer: Answer,
+    /// Each craft's.
+    pub histories: Vec<CraftHistory<'a>>,
+}
+
+/// Finds the causes of changes in the logs that are not known yet, and keeps them. With nothing to find, nothing is read.
+pub fn find_causes(
+    fleet: &Fleet,
+    indexed: &mut Indexed,
+    path: &Path,
+    question: &Question,
+    observer: &dyn Observer,
+) -> Result<(), FleetError> {
+    if !question.causes || !question.is_usual() {
+        return Ok(());
+    }
+    let mut found = BTreeMap::new();
+    let asked = ask(fleet, indexed, question)?;
+    let wanted: usize = asked.answer.crafts.iter().map(|craft| craft.changes.len()).sum();
+    let mut done = 0;
+    for (own, history) in asked.answer.crafts.iter().zip(&asked.histories) {
+        let rows: Vec<&Row> = history.flights.iter().map(|flight| flight.row).collect();
+        let bounds = bounds(own.changes.iter().map(|event| event.at), rows.len());
+        for split in bounds.windows(3) {
+            let sides = cause::flights(&rows, [split[0], split[1], split[2]]);
+            let key = cause::key(sides);
+            let Some(craft) = fleet.crafts.iter().find(|craft| craft.name == own.craft) else { continue };
+            if indexed.index.causes.contains_key(&key) {
+                continue;
+            }
+            if observer.is_cancelled() {
+                return Err(FleetError::Cancelled);
+            }
+            let activity = format!("{}: what changed with {}", own.craft, rows[split[1]].label());
+            observer.progress(Progress { activity: &activity, steps: Some((done, wanted)) });
+            let cause = cause::ask(fleet, craft, sides, observer);
+            if observer.is_cancelled() {
+                return Err(FleetError::Cancelled);
+            }
+            found.insert(key, serde_json::to_value(cause).unwrap_or_default());
+            done += 1;
+        }
+    }
+    if !found.is_empty() {
+        indexed.index.causes.extend(found);
+        save(&mut indexed.index, &indexed.references, path)?;
+    }
+    Ok(())
+}
+
+/// The first flight, those before which something changed, and the one after the last.
+fn bounds(changes: impl Iterator<Item = usize>, flights: usize) -> Vec<usize> {
+    std::iter::once(0).chain(changes).chain([flights]).collect()
+}
+
+/// Answers a question from what is kept.
+pub fn ask<'a>(fleet: &Fleet, indexed: &'a Indexed, question: &Question) -> Result<Answered<'a>, FleetError> {
+    check(fleet, indexed, question)?;
+    let is_asked = |name: &str| question.crafts.is_empty() || question.crafts.iter().any(|own| own == name);
+    let crafts: Vec<_> = fleet.crafts.iter().filter(|craft| is_asked(&craft.name)).collect();
+    let prepared: Vec<Prepared<'a>> =
+        crafts.iter().map(|craft| Prepared::new(fleet, indexed, question, &craft.name)).collect();
+    let tests: usize = prepared.iter().map(|own| own.series.len()).sum();
+    let (mut answers, mut histories) = (Vec::new(), Vec::new());
+    for (craft, own) in crafts.iter().zip(prepared) {
+        let answer = own.answer(indexed, &craft.vehicle.name, tests.max(1) as f64);
+        answers.push(answer);
+        histories.push(CraftHistory { craft: craft.name.clone(), flights: own.flights, series: own.series });
+    }
+    let vehicles: Vec<&[u8]> = crafts.iter().map(|craft| &craft.vehicle_bytes[..]).collect();
+    let answer = Answer {
+        read_now: indexed.read,
+        gone: indexed.gone.clone(),
+        unclaimed: fleet.unclaimed.clone(),
+        craft_against_craft: against_each_other(&answers, &histories, &vehicles),
+        battery_against_battery: of_batteries(&answers, &histories),
+        crafts: answers,
+    };
+    Ok(Answered { answer, histories })
+}
+
+/// Whether what is asked for is there.
+fn check(fleet: &Fleet, indexed: &Indexed, question: &Question) -> Result<(), FleetError> {
+    let craft_names = || fleet.crafts.iter().map(|craft| craft.name.as_str()).collect::<Vec<_>>().join(", ");
+    if let Some(wrong) =
+        question.crafts.iter().find(|own| fleet.crafts.iter().all(|craft| craft.name != **own))
+    {
+        return Err(FleetError::Asked(format!(
+            "--craft {wrong}: no such craft; there are {}",
+            craft_names()
+        )));
+    }
+    let is_there =
+        |own: &String| indexed.index.rows.iter().any(|row| row.file == *own || row.label() == *own);
+    if let Some(wrong) = question.leave_out.iter().find(|own| !is_there(own)) {
+        return Err(FleetError::Asked(format!(
+            "--leave-out {wrong}: no such flight; give its path in the fleet's folder, such as {}",
+            indexed.index.rows.first().map(Row::label).unwrap_or_default()
+        )));
+    }
+    Ok(())
+}
+
+/// A craft's flights, fitted.
+struct Prepared<'a> {
+    craft: String,
+    all: Vec<FlightOf<'a>>,
+    flights: Vec<FlightOf<'a>>,
+    series: Vec<Series>,
+    asked: Option<Asked>,
+    candidates: Vec<Candidate>,
+    fit: Option<Pooled>,
+    reference_fit: Option<Pooled>,
+    copies: Vec<Unused>,
+}
+
+impl<'a> Prepared<'a> {
+    fn new(fleet: &Fleet, indexed: &'a Indexed, question: &Question, craft: &str) -> Self {
+        let (mut all, copies) = flights(fleet, &indexed.index, question, craft);
+        all.sort_by(|a, b| a.when.unix_s.total_cmp(&b.when.unix_s).then(a.row.place().cmp(&b.row.place())));
+        let (used, all): (Vec<_>, Vec<_>) = all
+            .into_iter()
+            .partition(|flight| flight.row.state == State::Used && flight.row.equations.rows > 0);
+        let mut own = Self {
+            craft: craft.into(),
+            all,
+            flights: used,
+            series: Vec::new(),
+            asked: None,
+            candidates: Vec::new(),
+            fit: None,
+            reference_fit: None,
+            copies,
+        };
+        own.fit(indexed, question);
+        own
+    }
+
+    fn fit(&mut self, indexed: &'a Indexed, question: &Question) {
+        let Some(reference) = indexed.references.get(&self.craft) else { return };
+        if self.flights.is_empty() {
+            return;
+        }
+        let of_reference = reference.model.effects();
+        let mut effects = match &question.effects {
+            Some(more) => {
+                Effect::basic().filter(|e| of_reference.contains(e)).chain(more.iter().copied()).collect()
+            }
+            None => of_reference.clone(),
+        };
+        effects.retain(|effect: &Effect| !question.without.contains(effect));
+        let columns = &reference.columns;
+        let asked = Asked::new(columns, columns.of(&effects));
+        self.candidates = Candidate::all(&reference.model, columns);
+        self.candidates.retain(|candidate| !effects.contains(&candidate.change.effect));
+        let rows: Vec<&Row> = self.flights.iter().map(|flight| flight.row).collect();
+        let flown = Flown { rows: &rows, model: &reference.model, columns, asked: &asked };
+        let fit = of_many(&flown.equations(), &asked);
+        if !question.is_usual() {
+            let usual = Asked::new(columns, columns.of(&of_reference));
+            self.reference_fit = Some(of_many(&flown.equations(), &usual));
+        }
+        self.series = flown.series(&fit, &self.candidates);
+        (self.fit, self.asked) = (Some(fit), Some(asked));
+    }
+
+    fn moment(&self, at: usize) -> Moment {
+        Moment::new(self.flights[at].row.label(), self.flights[at].when)
+    }
+
+    fn answer(&self, indexed: &Indexed, vehicle: &str, tests: f64) -> CraftAnswer {
+        let kept = indexed.index.references.get(&self.craft);
+        let changes = self.changes(indexed, tests);
+        let bounds = bounds(changes.iter().map(|event| event.at), self.flights.len());
+        let since = bounds[bounds.len() - 2];
+        let last = self.flights.len().checked_sub(1);
+        let effects =
+            indexed.references.get(&self.craft).zip(self.asked.as_ref()).map(|(reference, asked)| {
+                let mut effects: Vec<Effect> =
+                    asked.parameters.iter().map(|k| reference.columns.parameters[*k].effect).collect();
+                effects.dedup();
+                effects
+            });
+        CraftAnswer {
+            craft: self.craft.clone(),
+            vehicle: vehicle.into(),
+            flights: self.flights.len(),
+            airborne_s: self.flights.iter().map(|flight| flight.row.airborne_s).sum(),
+            span: last.map(|last| [self.moment(0), self.moment(last)]),
+            no_model: kept.filter(|kept| kept.model.is_empty()).map(|kept| kept.why.clone()),
+            effects: effects.unwrap_or_default(),
+            coefficients: self.coefficients(indexed, since),
+            axes: self.axes(),
+            odd_flights: odd_flights(&self.series, &bounds, tests, &|at| self.moment(at)),
+            changes,
+            faults: self.faults(),
+            unused: self.unused(),
+        }
+    }
+
+    fn changes(&self, indexed: &Indexed, tests: f64) -> Vec<Event> {
+        let (Some(reference), Some(asked)) = (indexed.references.get(&self.craft), &self.asked) else {
+            return Vec::new();
+        };
+        let rows: Vec<&Row> = self.flights.iter().map(|flight| flight.row).collect();
+        let flown = Flown { rows: &rows, model: &reference.model, columns: &reference.columns, asked };
+        let found = events(&self.series, tests);
+        let bounds = bounds(found.iter().map(|(at, ..)| *at), rows.len());
+        let event = |((at, likely, moved), split): ((usize, [usize; 2], _), &[usize])| {
+            let split = [split[0], split[1], split[2]];
+            let key = cause::key(cause::flights(&rows, split));
+            let kept = indexed.index.causes.get(&key);
+            Event {
+                from: self.moment(at),
+                last_before: self.moment(at - 1),
+                likely: likely.map(|place| rows[place].label()),
+                flights: [split[1] - split[0], split[2] - split[1]],
+                moved,
+                explanations: explanations(&flown, &self.candidates, split),
+                in_logs: kept.and_then(|kept| serde_json::from_value(kept.clone()).ok()),
+                motor_shares: motor_shares(&flown, split),
+                at,
+            }
+        };
+        found.into_iter().zip(bounds.windows(3)).map(event).collect()
+    }
+
+    fn coefficients(&self, indexed: &Indexed, since: usize) -> Vec<CoefficientAnswer> {
+        let (Some(reference), Some(asked), Some(fit)) =
+            (indexed.references.get(&self.craft), &self.asked, &self.fit)
+        else {
+            return Vec::new();
+        };
+        let series = self.series.iter().filter(|series| series.kind == Kind::Coefficient);
+        let of = |((&parameter, estimate), series): ((&usize, &Option<Estimate>), &Series)| {
+            let own = reference.columns.parameters[parameter];
+            let first = series.at.partition_point(|at| *at < since);
+            CoefficientAnswer {
+                effect: own.effect,
+                name: own.effect.info().coefficients[own.coefficient].name.into(),
+                unit: series.unit.clone(),
+                value: estimate.map(|estimate| estimate.value),
+                std_error: estimate.map(|estimate| estimate.std_error),
+                now: mean(&series.values[first..]),
+            }
+        };
+        asked.parameters.iter().zip(&fit.estimates).zip(series).map(of).collect()
+    }
+
+    fn axes(&self) -> Option<PerAxis<AxisAnswer>> {
+        let fit = self.fit.as_ref()?;
+        let usual = self.reference_fit.as_ref().unwrap_or(fit);
+        Some(PerAxis::from_fn(|axis| AxisAnswer {
+            rms: fit.rms[axis.index()],
+            held_out_rms: fit.held_out_rms[axis.index()],
+            held_out_rms_of_reference: usual.held_out_rms[axis.index()],
+        }))
+    }
+
+    fn faults(&self) -> Vec<FaultAnswer> {
+        let mut looked_at: Vec<&FlightOf<'_>> = self.flights.iter().chain(&self.all).collect();
+        looked_at.retain(|flight| flight.row.state != State::NotReadable);
+        looked_at.sort_by(|a, b| a.when.unix_s.total_cmp(&b.when.unix_s));
+        let mut all: BTreeMap<(&str, &str), (Vec<&FlightOf<'_>>, &str)> = BTreeMap::new();
+        for flight in &looked_at {
+            for fault in &flight.row.faults {
+                let own = all.entry((&fault.kind, &fault.severity)).or_insert((Vec::new(), ""));
+                if own.0.last().is_none_or(|last| last.row.place() != flight.row.place()) {
+                    own.0.push(flight);
+                }
+                own.1 = &fault.sentence;
+            }
+        }
+        let moment = |flight: &FlightOf<'_>| Moment::new(flight.row.label(), flight.when);
+        let mut faults: Vec<FaultAnswer> = all
+            .into_iter()
+            .map(|((kind, severity), (flights, sentence))| FaultAnswer {
+                kind: kind.into(),
+                severity: severity.into(),
+                flights: [flights.len(), looked_at.len()],
+                span: [moment(flights[0]), moment(flights[flights.len() - 1])],
+                sentence: sentence.into(),
+            })
+            .collect();
+        faults.sort_by_key(|fault| std::cmp::Reverse(fault.flights[0]));
+        faults
+    }
+
+    fn unused(&self) -> Vec<Unused> {
+        let of = |flight: &FlightOf<'_>| {
+            let why = match flight.row.state {
+                State::NotReadable => format!("not readable: {}", flight.row.why),
+                _ => flight.row.why.clone(),
+            };
+            Unused { file: flight.row.label(), why }
+        };
+        self.all.iter().map(of).chain(self.copies.iter().cloned()).collect()
+    }
+}
+
+/// A craft's flights that are asked for, and those that are copies of others.
+fn flights<'a>(
+    fleet: &Fleet,
+    index: &'a Index,
+    question: &Question,
+    craft: &str,
+) -> (Vec<FlightOf<'a>>, Vec<Unused>) {
+    let mut first: BTreeMap<(&str, usize), &str> = BTreeMap::new();
+    let (mut all, mut copies) = (Vec::new(), Vec::new());
+    for row in index.rows.iter().filter(|row| row.craft == craft && !fleet.settings.excludes(&row.file)) {
+        if let (Some(own), State::Used) = (first.get(&(row.sha256.as_str(), row.part)), row.state) {
+            copies.push(Unused { file: row.label(), why: format!("is a copy of {own}") });
+            continue;
+        }
+        first.insert((&row.sha256, row.part), &row.file);
+        let when = when_of(fleet, row);
+        let is_in = question.span_s[0].is_none_or(|from| when.unix_s >= from)
+            && question.span_s[1].is_none_or(|to| when.unix_s <= to);
+        let is_left_out = question.leave_out.iter().any(|own| *own == row.file || *own == row.label());
+        if is_in && !is_left_out {
+            all.push(FlightOf { row, when, battery: fleet.settings.battery(&row.file) });
+        }
+    }
+    (all, copies)
+}
+
+/// When a flight was flown.
+fn when_of(fleet: &Fleet, row: &Row) -> When {
+    let logged = row.logged_unix_s.map(|unix_s| When { unix_s, from: when::WhenFrom::Log });
+    let by_file = || {
+        let changed = std::time::Duration::from_nanos(u64::try_from(row.changed_ns).unwrap_or(0));
+        when::of_file(std::time::UNIX_EPOCH + changed)
+    };
+    let said = fleet.settings.date(&row.file);
+    said.or(logged).or_else(|| when::of_name(&row.file)).unwrap_or_else(by_file)
+}
+
+fn against_each_other(
+    answers: &[CraftAnswer],
+    histories: &[CraftHistory<'_>],
+    vehicles: &[&[u8]],
+) -> CraftComparison {
+    let current = |((answer, history), vehicle): ((&'_ CraftAnswer, &'_ CraftHistory<'_>), &&[u8])| {
+        let from = answer.changes.last().map_or(0, |event| event.at);
+        (answer.craft.clone(), vehicle.to_vec(), history.series.clone(), from)
+    };
+    let all: Vec<_> = answers.iter().zip(histories).zip(vehicles).map(current).collect();
+    let borrowed: Vec<Current<'_>> = all
+        .iter()
+        .map(|(craft, vehicle, series, from)| Current { craft, vehicle, series, from: *from })
+        .collect();
+    crafts(&borrowed)
+}
+
+fn of_batteries(answers: &[CraftAnswer], histories: &[CraftHistory<'_>]) -> BatteryComparison {
+    let of_craft: Vec<(Vec<Series>, Vec<Option<String>>, Vec<usize>)> = answers
+        .iter()
+        .zip(histories)
+        .map(|(answer, history)| {
+            let rows: Vec<&Row> = history.flights.iter().map(|flight| flight.row).collect();
+            let mut series: Vec<Series> =
+                history.series.iter().filter(|series| series.kind != Kind::Change).cloned().collect();
+            series.extend(voltages(&rows));
+            let batteries = history.flights.iter().map(|flight| flight.battery.clone()).collect();
+            (series, batteries, bounds(answer.changes.iter().map(|event| event.at), rows.len()))
+        })
+        .collect();
+    let strata: Vec<Stratum<'_>> = of_craft
+        .iter()
+        .flat_map(|(series, batteries, bounds)| {
+            bounds.windows(2).map(move |range| Stratum { series, range: [range[0], range[1]], batteries })
+        })
+        .collect();
+    batteries(&strata)
+}

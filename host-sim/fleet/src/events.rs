@@ -1,0 +1,327 @@
+//! What changed of a craft, and when: steps of its series, put together, and what explains them.
+
+use model::Effect;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::cause::CauseInLogs;
+use crate::changes::{Base, Candidate, Shown};
+use crate::fit::{Estimate, of_many};
+use crate::history::{Flown, Kind, Series};
+use crate::scatter::{Mean, between_variance, mean_under};
+use crate::steps::{SIGNIFICANCE, Step, outliers, steps, two_sided};
+use crate::when::{When, WhenFrom};
+
+/// Part of the best one's gain from which on another change explains a step as well: as of `diagnose --changed`.
+const AS_GOOD: f64 = 0.9;
+/// Part of its gain that a change loses in rank for each coefficient: as of `diagnose --changed`.
+const FOR_A_COEFFICIENT: f64 = 0.02;
+/// Changes that are told of a step.
+const TOLD: usize = 5;
+/// Flights between steps of two series that are one change of the craft.
+const APART: usize = 1;
+
+/// A moment in a fleet's life.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Moment {
+    /// The flight.
+    pub flight: String,
+    /// Its date, UTC.
+    pub date: String,
+    /// Where the date is from.
+    pub date_from: WhenFrom,
+}
+
+/// A series that moved with a change.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Moved {
+    /// "thrust.C_T", "mass-change.extra_mass", "share of motor 1 in the mean command".
+    pub series: String,
+    /// What it shows.
+    pub kind: Kind,
+    /// Unit of the values.
+    pub unit: String,
+    /// Before.
+    pub before: Mean,
+    /// After.
+    pub after: Mean,
+    /// Standard error of the difference, scatter between flights included.
+    pub std_error: f64,
+    /// Chance of as large a step anywhere in the fleet where nothing changed.
+    pub p_value: f64,
+    /// Whether a straight line over the flights leaves less than the step: it drifts.
+    pub drifts: bool,
+}
+
+/// What a change may have been.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Explanation {
+    /// The effect.
+    pub effect: Effect,
+    /// The motor, for a change of one motor.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motor: Option<u8>,
+    /// Its coefficients.
+    pub coefficients: Vec<Size>,
+    /// Part of what the model of the flights before leaves of the flights after that it takes away, on the axes where it acts, percent.
+    pub drop_percent: f64,
+    /// Chance of as large a difference between the flights before and after, times the changes that were tried.
+    pub p_value: f64,
+    /// Whether it explains the flights after as well as the best does.
+    pub as_good_as_the_best: bool,
+    #[serde(skip)]
+    gain: f64,
+}
+
+/// How large a change is.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Size {
+    /// Name.
+    pub name: String,
+    /// Value after less that before.
+    pub value: f64,
+    /// Standard error, scatter between flights included.
+    pub std_error: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+/// The plainest statistic beside a change: each motor's share of the mean command.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct MotorShares {
+    /// Before.
+    pub before: [f64; 4],
+    /// After.
+    pub after: [f64; 4],
+    /// Student's t (pooled variance) of each, not corrected for anything.
+    pub p_value: [f64; 4],
+}
+
+/// A change of a craft.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct Event {
+    /// The first flight after it.
+    pub from: Moment,
+    /// The last flight before it.
+    pub last_before: Moment,
+    /// The first and the last flight that may as well be the first after it (95 %).
+    pub likely: [String; 2],
+    /// Flights before, since the change before this one, and after, until the next one.
+    pub flights: [usize; 2],
+    /// What moved, the surest first.
+    pub moved: Vec<Moved>,
+    /// What explains it, from what is kept of the flights, the best first; empty where no known change does.
+    pub explanations: Vec<Explanation>,
+    /// What `quadlab diagnose --changed` says of the logs before and after, where it was asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub in_logs: Option<CauseInLogs>,
+    /// The plainest statistic beside it.
+    pub motor_shares: MotorShares,
+    /// Place of the first flight after it among the craft's.
+    #[serde(skip)]
+    pub at: usize,
+}
+
+/// A single flight that stands out.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct OddFlight {
+    /// The flight.
+    pub flight: Moment,
+    /// The series that shows it most.
+    pub series: String,
+    /// Unit of the values.
+    pub unit: String,
+    /// Its value there.
+    pub value: f64,
+    /// Mean of the craft's other flights since the last change.
+    pub others: Mean,
+    /// Chance of as far a value anywhere in the fleet.
+    pub p_value: f64,
+}
+
+/// The steps of all series put together: the flights before which the craft changed, each with what moved there.
+pub(crate) fn events(series: &[Series], tests: f64) -> Vec<(usize, [usize; 2], Vec<Moved>)> {
+    struct Found<'a> {
+        series: &'a Series,
+        step: Step,
+        at: usize,
+        likely: [usize; 2],
+    }
+    let mut all: Vec<Found<'_>> = Vec::new();
+    for series in series {
+        for step in steps(&series.values, tests) {
+            let (at, likely) = (series.at[step.at], step.likely.map(|place| series.at[place]));
+            all.push(Found { series, step, at, likely });
+        }
+    }
+    all.sort_by(|a, b| a.step.p_value.total_cmp(&b.step.p_value));
+    let mut events: Vec<(usize, [usize; 2], Vec<Moved>)> = Vec::new();
+    for Found { series, step, at, likely } in all {
+        let moved = Moved {
+            series: series.name.clone(),
+            kind: series.kind,
+            unit: series.unit.clone(),
+            before: step.before,
+            after: step.after,
+            std_error: step.std_error,
+            p_value: step.p_value,
+            drifts: step.drifts,
+        };
+        let is_same = |own: usize, range: [usize; 2]| {
+            at + APART >= range[0] && at <= range[1] + APART
+                || own + APART >= likely[0] && own <= likely[1] + APART
+        };
+        match events.iter_mut().find(|(own, range, _)| is_same(*own, *range)) {
+            Some((_, _, all)) => all.push(moved),
+            None => events.push((at, likely, vec![moved])),
+        }
+    }
+    events.sort_by_key(|(at, ..)| *at);
+    events
+}
+
+/// What explains a change, from the normal equations of the flights before and after.
+pub(crate) fn explanations(
+    flown: &Flown<'_>,
+    candidates: &[Candidate],
+    split: [usize; 3],
+) -> Vec<Explanation> {
+    let [from, at, to] = split;
+    let all = flown.equations();
+    let (before, after) = (&all[from..at], &all[at..to]);
+    let fit = of_many(before, flown.asked);
+    let base = Base::new(flown.columns, &flown.asked.parameters, &fit);
+    let shown = |flights: &[&crate::equations::Equations]| -> Vec<Vec<Shown>> {
+        flights.iter().map(|flight| base.shown(flight, candidates)).collect()
+    };
+    let (before, after) = (shown(before), shown(after));
+    let of = |(place, candidate): (usize, &Candidate)| {
+        explanation(flown, candidate, (place, candidates.len()), (&before, &after))
+    };
+    let mut found: Vec<Explanation> = candidates.iter().enumerate().filter_map(of).collect();
+    found.retain(|one| one.p_value < SIGNIFICANCE);
+    let rank = |one: &Explanation| one.gain * (1.0 - FOR_A_COEFFICIENT * one.coefficients.len() as f64);
+    found.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
+    let best = found.first().map_or(0.0, |one| one.gain);
+    found.iter_mut().skip(1).for_each(|one| one.as_good_as_the_best = one.gain > AS_GOOD * best);
+    found.truncate(TOLD);
+    found
+}
+
+fn explanation(
+    flown: &Flown<'_>,
+    candidate: &Candidate,
+    (place, count): (usize, usize),
+    (before, after): (&[Vec<Shown>], &[Vec<Shown>]),
+) -> Option<Explanation> {
+    let model = flown.model;
+    let together = |flights: &[Vec<Shown>]| flights.iter().map(|f| f[place].clone()).reduce(|a, b| a.and(&b));
+    let (gain, part) = together(after)?.gain();
+    let of = |flights: &[Vec<Shown>], k: usize| -> Vec<Estimate> {
+        flights.iter().filter_map(|flight| flight[place].estimates()[k]).collect()
+    };
+    let (mut coefficients, mut p_value) = (Vec::new(), 1.0_f64);
+    for k in 0..candidate.parameters.len() {
+        let (early, late) = (of(before, k), of(after, k));
+        let Some(step) = difference(&early, &late) else { continue };
+        let info = candidate.coefficient(flown.columns, k);
+        let (low, high) = info.possible_for(model.vehicle.arm_length);
+        if model.vehicle.has_rotor_map() && !(low..=high).contains(&step.value) {
+            return None;
+        }
+        p_value = p_value.min(step.p_value * (candidate.parameters.len() * count) as f64);
+        coefficients.push(Size {
+            name: info.name.into(),
+            value: step.value,
+            std_error: step.std_error,
+            unit: info.unit_for(model.rotor_quantity()).into(),
+        });
+    }
+    Some(Explanation {
+        effect: candidate.change.effect,
+        motor: candidate.change.motor,
+        coefficients,
+        drop_percent: 100.0 * part,
+        p_value: p_value.min(1.0),
+        as_good_as_the_best: false,
+        gain,
+    })
+}
+
+/// The means of two groups of flights against each other, the scatter between flights common to both.
+pub(crate) struct Difference {
+    pub(crate) value: f64,
+    pub(crate) std_error: f64,
+    /// Not corrected for anything.
+    pub(crate) p_value: f64,
+}
+
+pub(crate) fn difference(early: &[Estimate], late: &[Estimate]) -> Option<Difference> {
+    let freedom = (early.len() + late.len()) as f64 - 2.0;
+    if freedom < 1.0 {
+        return None;
+    }
+    let variance = between_variance(&[early, late]);
+    let (before, after) = (mean_under(early, variance)?, mean_under(late, variance)?);
+    let (value, std_error) = (after.value - before.value, before.std_error.hypot(after.std_error));
+    let is_told = std_error > 0.0 && std_error.is_finite();
+    is_told.then(|| Difference { value, std_error, p_value: two_sided(value / std_error, freedom) })
+}
+
+/// The motors' shares before and after.
+pub(crate) fn motor_shares(flown: &Flown<'_>, [from, at, to]: [usize; 3]) -> MotorShares {
+    let of = |range: std::ops::Range<usize>, motor: usize| -> Vec<Estimate> {
+        let shares = flown.rows[range].iter().map(|row| row.motor_shares[motor]);
+        let told = shares.filter(|share| share.is_finite());
+        told.map(|value| Estimate { value, std_error: 0.0 }).collect()
+    };
+    let mean = |values: Vec<Estimate>| values.iter().map(|e| e.value).sum::<f64>() / values.len() as f64;
+    MotorShares {
+        before: [0, 1, 2, 3].map(|motor| mean(of(from..at, motor))),
+        after: [0, 1, 2, 3].map(|motor| mean(of(at..to, motor))),
+        p_value: [0, 1, 2, 3].map(|motor| {
+            difference(&of(from..at, motor), &of(at..to, motor)).map_or(1.0, |step| step.p_value)
+        }),
+    }
+}
+
+/// Single flights that stand out of the flights between two changes, each with the series that shows it most.
+pub(crate) fn odd_flights(
+    series: &[Series],
+    bounds: &[usize],
+    tests: f64,
+    moment: &dyn Fn(usize) -> Moment,
+) -> Vec<OddFlight> {
+    let mut found: Vec<(usize, OddFlight)> = Vec::new();
+    for series in series {
+        for bounds in bounds.windows(2) {
+            let inside: Vec<usize> =
+                (0..series.at.len()).filter(|k| (bounds[0]..bounds[1]).contains(&series.at[*k])).collect();
+            let values: Vec<Estimate> = inside.iter().map(|k| series.values[*k]).collect();
+            for outlier in outliers(&values, tests) {
+                let at = series.at[inside[outlier.at]];
+                let odd = OddFlight {
+                    flight: moment(at),
+                    series: series.name.clone(),
+                    unit: series.unit.clone(),
+                    value: values[outlier.at].value,
+                    others: outlier.others,
+                    p_value: outlier.p_value,
+                };
+                match found.iter_mut().find(|(known, _)| *known == at) {
+                    Some((_, known)) if known.p_value <= odd.p_value => {}
+                    Some((_, known)) => *known = odd,
+                    None => found.push((at, odd)),
+                }
+            }
+        }
+    }
+    found.sort_by_key(|(at, _)| *at);
+    found.into_iter().map(|(_, odd)| odd).collect()
+}
+
+impl Moment {
+    pub(crate) fn new(flight: String, when: When) -> Self {
+        Self { flight, date: when.to_string(), date_from: when.from }
+    }
+}

@@ -1,0 +1,136 @@
+//! Series over the flights of a craft: each coefficient of the model, each change about it, and the plainest statistics.
+
+use model::{Model, Vehicle};
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::Serialize;
+
+use crate::changes::{Base, Candidate};
+use crate::equations::{Columns, Equations};
+use crate::fit::{Asked, Estimate, Pooled, of_one};
+use crate::row::Row;
+
+/// What a series shows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Kind {
+    /// A coefficient of the model, fitted to each flight alone.
+    Coefficient,
+    /// The size of a change about the model of all flights, by itself.
+    Change,
+    /// A plain statistic: no model is behind it.
+    Plain,
+}
+
+/// A value flight by flight.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Series {
+    /// "thrust.C_T", "mass-change.extra_mass", "share of motor 1".
+    pub name: String,
+    /// What it shows.
+    pub kind: Kind,
+    /// Its unit.
+    pub unit: String,
+    /// Which flights of the craft have a value, in order.
+    pub at: Vec<usize>,
+    /// The values.
+    pub values: Vec<Estimate>,
+}
+
+/// The flights of a craft that are fitted, and what they are fitted with.
+pub(crate) struct Flown<'a> {
+    pub(crate) rows: &'a [&'a Row],
+    pub(crate) model: &'a Model,
+    pub(crate) columns: &'a Columns,
+    pub(crate) asked: &'a Asked,
+}
+
+impl Flown<'_> {
+    pub(crate) fn equations(&self) -> Vec<&Equations> {
+        self.rows.iter().map(|row| &row.equations).collect()
+    }
+
+    fn unit(&self, parameter: usize) -> String {
+        let own = self.columns.parameters[parameter];
+        own.effect.info().coefficients[own.coefficient].unit_for(self.model.rotor_quantity()).into()
+    }
+
+    /// All series: of the coefficients that are asked for, of the changes about `fit`, and the plain ones.
+    pub(crate) fn series(&self, fit: &Pooled, candidates: &[Candidate]) -> Vec<Series> {
+        let mut all = self.coefficients();
+        all.extend(self.changes(fit, candidates));
+        all.extend(plain(self.rows, &self.model.vehicle));
+        all
+    }
+
+    fn coefficients(&self) -> Vec<Series> {
+        let found: Vec<Vec<Option<Estimate>>> =
+            self.rows.par_iter().map(|row| of_one(&row.equations, self.asked)).collect();
+        let series = |(place, &parameter): (usize, &usize)| {
+            let own = &self.columns.parameters[parameter];
+            let values = found.iter().map(|flight| flight[place]);
+            series(own.name(), Kind::Coefficient, self.unit(parameter), values)
+        };
+        self.asked.parameters.iter().enumerate().map(series).collect()
+    }
+
+    fn changes(&self, fit: &Pooled, candidates: &[Candidate]) -> Vec<Series> {
+        let base = Base::new(self.columns, &self.asked.parameters, fit);
+        let of = |row: &&Row| {
+            let shown = base.shown(&row.equations, candidates);
+            shown.iter().map(crate::changes::Shown::estimates).collect::<Vec<_>>()
+        };
+        let found: Vec<Vec<Vec<Option<Estimate>>>> = self.rows.par_iter().map(of).collect();
+        let mut all = Vec::new();
+        for (c, candidate) in candidates.iter().enumerate() {
+            for (place, &parameter) in candidate.parameters.iter().enumerate() {
+                let own = &self.columns.parameters[parameter];
+                let values = found.iter().map(|flight| flight[c][place]);
+                all.push(series(own.name(), Kind::Change, self.unit(parameter), values));
+            }
+        }
+        all
+    }
+}
+
+fn series(name: String, kind: Kind, unit: String, values: impl Iterator<Item = Option<Estimate>>) -> Series {
+    let is_told = |(k, value): (usize, Option<Estimate>)| {
+        let value = value.filter(|own| own.value.is_finite() && own.std_error.is_finite())?;
+        Some((k, value))
+    };
+    let (at, values) = values.enumerate().filter_map(is_told).unzip();
+    Series { name, kind, unit, at, values }
+}
+
+/// Statistics that no model is behind: how the motors share the work, and how hard they work. They have no errors of their own.
+pub(crate) fn plain(rows: &[&Row], vehicle: &Vehicle) -> Vec<Series> {
+    let exact = |value: f64| Some(Estimate { value, std_error: 0.0 });
+    let mut all: Vec<Series> = (0..4)
+        .map(|motor| {
+            let values = rows.iter().map(|row| exact(row.motor_shares[motor]));
+            series(
+                format!("share of motor {} in the mean command", motor + 1),
+                Kind::Plain,
+                "1".into(),
+                values,
+            )
+        })
+        .collect();
+    let unit = vehicle.motors.command_unit.to_string();
+    all.push(series(
+        "mean command".into(),
+        Kind::Plain,
+        unit,
+        rows.iter().map(|row| exact(row.mean_command)),
+    ));
+    all
+}
+
+/// Voltages, which are the battery's and not the craft's.
+pub(crate) fn voltages(rows: &[&Row]) -> Vec<Series> {
+    let exact = |value: f64| Some(Estimate { value, std_error: 0.0 });
+    let of = |name: &str, value: fn(&Row) -> f64| {
+        series(name.into(), Kind::Plain, "V".into(), rows.iter().map(|row| exact(value(row))))
+    };
+    vec![of("mean voltage", |row| row.mean_v), of("lowest voltage", |row| row.lowest_v)]
+}

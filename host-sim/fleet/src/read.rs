@@ -1,0 +1,110 @@
+//! A file read once: what is kept of each of its flights.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use diagnosis::workflow::{LoadedFlight, Reading, WorkflowError};
+use model::Vehicle;
+use sysid::{Prepared, Reference as Clock, Severity};
+
+use crate::equations::Equations;
+use crate::reference::Reference;
+use crate::row::{LoggerFault, Row, State};
+use crate::when;
+
+/// How flights are taken: a fault is kept with the flight and ends nothing.
+pub(crate) const READING: Reading = Reading { accept_faults: true, window_s: None, whole: false };
+
+/// The rows of a file's flights, without where the file lies. `reference` is the craft's, where it has one.
+pub(crate) fn rows(
+    bytes: Vec<u8>,
+    path: &Path,
+    vehicle: &Vehicle,
+    reference: Option<&Reference>,
+) -> Vec<Row> {
+    // A log that the readers cannot cope with is that log's matter, and not the fleet's.
+    let read = || read(bytes, path, vehicle, reference);
+    catch_unwind(AssertUnwindSafe(read)).unwrap_or_else(|_| {
+        let why = "the program failed on this file, which is a defect of the program: please report it";
+        vec![Row::without_flight(State::NotReadable, why.into())]
+    })
+}
+
+fn read(bytes: Vec<u8>, path: &Path, vehicle: &Vehicle, reference: Option<&Reference>) -> Vec<Row> {
+    let (flights, import) = match LoadedFlight::all_of_bytes(bytes, path, vehicle, READING) {
+        Ok(read) => read,
+        Err(why) => return vec![Row::without_flight(State::NotReadable, sentence(&why, path))],
+    };
+    let began = |part: usize| {
+        let import = import.as_ref()?;
+        Some(when::of_log(import, import.flights.get(part)?.span[0])?.unix_s)
+    };
+    let row = |(part, flight): (usize, Result<LoadedFlight, WorkflowError>)| {
+        let mut row = match flight {
+            Ok(flight) => of_flight(flight, reference),
+            Err(why) => Row::without_flight(State::Refused, sentence(&why, path)),
+        };
+        (row.part, row.logged_unix_s) = (part, began(part));
+        row
+    };
+    flights.into_iter().enumerate().map(row).collect()
+}
+
+/// Why a file is not used, without its path, which the row has.
+fn sentence(why: &WorkflowError, path: &Path) -> String {
+    let sentence = report::error_line(&why.to_string());
+    let own = format!("{}: ", path.display());
+    sentence.strip_prefix(&own).map_or(sentence.clone(), str::to_owned)
+}
+
+fn of_flight(flight: LoadedFlight, reference: Option<&Reference>) -> Row {
+    let LoadedFlight { mut prepared, faults, taken, .. } = flight;
+    let kept = faults.iter().map(|fault| LoggerFault {
+        kind: fault.kind.id().into(),
+        severity: match fault.severity {
+            Severity::Refused => "refused",
+            Severity::Warning => "warning",
+            Severity::Note => "note",
+        }
+        .into(),
+        sentence: fault.sentence.clone(),
+    });
+    let refused = faults.iter().find(|fault| fault.severity == Severity::Refused);
+    let mut row = match (refused, reference) {
+        (Some(fault), _) => Row::without_flight(State::Refused, fault.sentence.clone()),
+        (None, None) => Row::without_flight(State::NoModel, "the craft has no model".into()),
+        (None, Some(_)) => Row::without_flight(State::Used, String::new()),
+    };
+    row.faults = kept.collect();
+    row.name.clone_from(&prepared.name);
+    row.parts_s = taken.parts.concat();
+    row.airborne_s = taken.parts.iter().map(|[from, to]| to - from).sum();
+    row.period_s = prepared.period_s;
+    if let (State::Used, Some(Reference { model, columns, .. })) = (row.state, reference) {
+        let delay_s = model.fit.as_ref().and_then(|fit| fit.rotor_delay_s);
+        sysid::align_to(model, &mut [&mut prepared], Clock::Model(delay_s));
+        row.late_s = prepared.alignment.as_ref().map_or(f64::NAN, |alignment| alignment.late_s);
+        row.equations = Equations::of(&prepared, model, columns);
+    }
+    let volts = || prepared.stretches.iter().flat_map(|stretch| &stretch.battery_v);
+    if prepared.has_voltage {
+        row.mean_v = prepared.mean_battery_v();
+        row.lowest_v = volts().copied().fold(f64::INFINITY, f64::min);
+    }
+    if prepared.has_commands {
+        (row.motor_shares, row.mean_command) = shares(&prepared);
+    }
+    row
+}
+
+/// Each motor's part of the mean command, and that.
+fn shares(flight: &Prepared) -> ([f64; 4], f64) {
+    let samples: usize = flight.stretches.iter().map(|stretch| stretch.time_s.len()).sum();
+    let mean = |motor: usize| {
+        let all = flight.stretches.iter().flat_map(|stretch| &stretch.command[motor]);
+        all.sum::<f64>() / samples.max(1) as f64
+    };
+    let means = [0, 1, 2, 3].map(mean);
+    let all = means.iter().sum::<f64>() / 4.0;
+    (means.map(|own| own / all), all)
+}

@@ -1,0 +1,78 @@
+//! What changed of a craft is found at the right flight and named; a craft that stayed the same is left in peace.
+
+mod common;
+
+use common::{asked, craft, flight, truth, updated};
+use diagnosis::workflow::Silent;
+use fleet::{Answer, PassOptions, Question, find_causes};
+use model::{Effect, Model};
+
+/// A craft that flies 20 times, from flight `at` on as `after` says.
+fn fleet_with(after: &Model, at: u64, seed: u64) -> (tempfile::TempDir, Answer) {
+    let root = tempfile::tempdir().unwrap();
+    let folder = craft(root.path(), "quad-1");
+    for day in 1..=20 {
+        let model = if day < at { truth() } else { after.clone() };
+        flight(&folder, &model, day, seed + day, 12.0);
+    }
+    let (fleet, indexed) = updated(root.path(), PassOptions::default(), &Silent);
+    let answer = asked(&fleet, &indexed, &Question::default());
+    (root, answer)
+}
+
+fn with(effect: Effect, values: &[f64]) -> Model {
+    let mut model = truth();
+    model.set(effect, values);
+    model
+}
+
+#[test]
+fn each_change_is_found_at_its_flight_and_named() {
+    // Another battery whose voltage lies by as much throughout is no other than a craft of another mass (kg) to flights of this length.
+    let cases = [
+        (with(Effect::MotorEfficiency, &[0.0, 0.0, -0.05, 0.0]), 13, Effect::MotorEfficiency, Some(3)),
+        (with(Effect::MassChange, &[0.04]), 9, Effect::MassChange, None),
+        (with(Effect::ComOffset, &[0.004, 0.0]), 15, Effect::ComOffset, None),
+        (with(Effect::BatteryVoltage, &[25.0, 0.0]), 11, Effect::MassChange, None),
+    ];
+    for (k, (after, at, effect, motor)) in cases.iter().enumerate() {
+        let (_root, answer) = fleet_with(after, *at, 100 * k as u64);
+        let [event] = &answer.crafts[0].changes[..] else {
+            panic!("{effect}: {} changes", answer.crafts[0].changes.len())
+        };
+        assert_eq!(event.from.flight, format!("quad-1/2026-03-{at:02}.csv"), "{effect}");
+        let best = &event.explanations[0];
+        assert_eq!((best.effect, best.motor), (*effect, *motor), "{event:#?}");
+    }
+}
+
+#[test]
+fn a_craft_that_stays_the_same_has_not_changed() {
+    let (_root, answer) = fleet_with(&truth(), 99, 900);
+    assert_eq!(answer.crafts[0].changes, []);
+    assert_eq!(answer.crafts[0].odd_flights, []);
+}
+
+#[test]
+fn the_logs_are_asked_once_for_the_cause() {
+    let root = tempfile::tempdir().unwrap();
+    let folder = craft(root.path(), "quad-1");
+    let (unchanged, heavier) = (truth(), with(Effect::MassChange, &[0.06]));
+    for day in 1..=10 {
+        flight(&folder, if day < 6 { &unchanged } else { &heavier }, day, day, 10.0);
+    }
+    let (fleet, mut indexed) = updated(root.path(), PassOptions::default(), &Silent);
+    let question = Question { causes: true, ..Question::default() };
+    let path = common::index(root.path());
+    find_causes(&fleet, &mut indexed, &path, &question, &Silent).unwrap();
+    let answer = asked(&fleet, &indexed, &question);
+    let logs = answer.crafts[0].changes[0].in_logs.clone().unwrap();
+    assert_eq!(logs.effect.as_deref(), Some("mass-change"), "{}", logs.summary);
+    // The logs may go: the answer stays.
+    for day in 1..=10 {
+        std::fs::remove_file(folder.join(format!("2026-03-{day:02}.csv"))).unwrap();
+    }
+    let (fleet, mut indexed) = updated(root.path(), PassOptions::default(), &Silent);
+    find_causes(&fleet, &mut indexed, &path, &question, &Silent).unwrap();
+    assert_eq!(asked(&fleet, &indexed, &question).crafts[0].changes[0].in_logs, Some(logs));
+}

@@ -1,0 +1,527 @@
+//! What a fleet's flights say, as text and as a page.
+
+use std::fmt::Write as _;
+
+use fleet::{
+    Answer, Answered, BatteryDifference, CraftAnswer, CraftDifference, CraftHistory, Event, Explanation,
+    Kind, Moment, Series as History,
+};
+use report::number::{p_value, with_error};
+use report::{Axis, Figure, Mark, Page, Section, Series, Style, significant};
+
+use crate::render::grid::{Grid, number, paragraph, text};
+
+/// Rows of a table that are shown; the tables of `--out` have all.
+const ROWS: usize = 25;
+/// Pictures of each craft.
+const PICTURES: usize = 8;
+/// Seconds of a day and of a minute.
+const DAY_S: f64 = 86400.0;
+const MINUTE_S: f64 = 60.0;
+
+/// For a terminal.
+pub(crate) fn to_text(answered: &Answered<'_>) -> String {
+    let answer = &answered.answer;
+    let mut all = paragraph(&conclusion(answer));
+    for grid in grids(answer) {
+        let _ = write!(all, "\n{}", grid.to_text());
+    }
+    all
+}
+
+/// What the user should know of before anything else.
+pub(crate) fn warnings(answer: &Answer) -> Vec<String> {
+    let mut all = Vec::new();
+    if let Some(first) = answer.gone.first() {
+        let count = answer.gone.len();
+        all.push(format!(
+            "{}: gone{}; what was kept of {} still counts (--forget drops it)",
+            first,
+            more(count),
+            if count == 1 { "it" } else { "them" }
+        ));
+    }
+    all.extend(answer.unclaimed.iter().map(|folder| {
+        format!("{folder}: has flights and no vehicle.toml, so it is not looked at (quadlab init makes one from logs)")
+    }));
+    all.extend(answer.crafts.iter().filter_map(|craft| {
+        let why = craft.no_model.as_ref()?;
+        Some(format!("{}: no model, so only its loggers are looked at: {why}", craft.craft))
+    }));
+    all
+}
+
+fn more(count: usize) -> String {
+    if count > 1 { format!(" (and {} more files)", count - 1) } else { String::new() }
+}
+
+/// For a browser.
+pub(crate) fn page(answered: &Answered<'_>) -> Page {
+    let answer = &answered.answer;
+    let summary =
+        grids(answer).iter().fold(Section::new("Summary"), |section, grid| section.table(grid.to_table()));
+    let mut page = Page::new("Fleet", conclusion(answer)).section(summary);
+    page = page.section(
+        Section::new("Flights").figure(timeline(answered), "Each flight at its date; changes are marked."),
+    );
+    for (craft, history) in answer.crafts.iter().zip(&answered.histories) {
+        page = page.section(of_craft(craft, history));
+    }
+    page
+}
+
+/// The one thing to know.
+fn conclusion(answer: &Answer) -> String {
+    let flights: usize = answer.crafts.iter().map(|craft| craft.flights).sum();
+    let hours = answer.crafts.iter().map(|craft| craft.airborne_s).sum::<f64>() / 3600.0;
+    let mut all = vec![format!(
+        "{} of {} craft, {} h in the air; {} read now.",
+        counted(flights, "flight"),
+        answer.crafts.len(),
+        significant(hours, 2),
+        counted(answer.read_now, "file")
+    )];
+    all.extend(answer.crafts.iter().flat_map(|craft| craft.changes.iter().map(|event| told(craft, event))));
+    let steady = answer.crafts.iter().filter(|craft| craft.changes.is_empty() && craft.flights > 0).count();
+    if steady > 0 {
+        let of = if steady == answer.crafts.len() { String::new() } else { format!(" in {steady} craft") };
+        all.push(format!("No change is shown{of}."));
+    }
+    all.join(" ")
+}
+
+fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
+
+/// A change as a sentence.
+fn told(craft: &CraftAnswer, event: &Event) -> String {
+    let Some(moved) = event.moved.first() else { return String::new() };
+    let way = if moved.drifts { "drifts about" } else { "changed with" };
+    format!(
+        "{} {way} flight {} ({}): {}.",
+        craft.craft,
+        event.from.flight,
+        dated(&event.from),
+        explained(event)
+    )
+}
+
+/// "2026-03-04 15:30 by its name".
+fn dated(moment: &Moment) -> String {
+    let by = match moment.date_from {
+        fleet::WhenFrom::Settings => "by fleet.toml",
+        fleet::WhenFrom::Log => "by its log",
+        fleet::WhenFrom::Name => "by its name",
+        fleet::WhenFrom::File => "when the file was last changed",
+    };
+    format!("{} {by}", moment.date)
+}
+
+/// What explains a change, the logs' own answer first.
+fn explained(event: &Event) -> String {
+    let kept = match event.explanations.split_first() {
+        Some((best, others)) => {
+            let others: Vec<String> =
+                others.iter().filter(|own| own.as_good_as_the_best).map(named).collect();
+            let besides = if others.is_empty() {
+                String::new()
+            } else {
+                format!(" (or {}: these flights do not tell them apart)", others.join(", "))
+            };
+            format!("{}{besides}", sized(best))
+        }
+        None => "no known change explains it".into(),
+    };
+    match &event.in_logs {
+        Some(logs) if logs.verdict == "not-asked" => {
+            format!("{kept}; the logs were not asked: {}", logs.summary)
+        }
+        Some(logs) => {
+            let effect = logs.effect.clone().unwrap_or_else(|| logs.verdict.clone());
+            let motor = logs.motor.map(|motor| format!(" of motor {motor}")).unwrap_or_default();
+            let others = logs.confounded_with.join(", ");
+            let besides = if others.is_empty() { String::new() } else { format!(" (or {others})") };
+            format!("{kept}; diagnose --changed says {effect}{motor}{besides}")
+        }
+        None => kept,
+    }
+}
+
+fn named(own: &Explanation) -> String {
+    let motor = own.motor.map(|motor| format!(" of motor {motor}")).unwrap_or_default();
+    format!("{}{motor}", own.effect)
+}
+
+fn sized(own: &Explanation) -> String {
+    let sizes: Vec<String> = own
+        .coefficients
+        .iter()
+        .map(|size| format!("{} by {}", size.name, with_error(size.value, size.std_error, &size.unit)))
+        .collect();
+    format!("{}, {}", named(own), sizes.join(", "))
+}
+
+fn grids(answer: &Answer) -> Vec<Grid> {
+    let all = [
+        crafts(answer),
+        changes(answer),
+        shares(answer),
+        odd(answer),
+        coefficients(answer),
+        axes(answer),
+        against_each_other(answer),
+        batteries(answer),
+        faults(answer),
+        unused(answer),
+    ];
+    all.into_iter().filter(Grid::has_rows).collect()
+}
+
+fn crafts(answer: &Answer) -> Grid {
+    let mut grid = Grid::new(
+        "Craft",
+        [
+            text("craft"),
+            number("flights", ""),
+            number("in the air", "min"),
+            text("first"),
+            text("last"),
+            number("changes", ""),
+            number("stand out", ""),
+            number("not used", ""),
+        ],
+    );
+    for craft in &answer.crafts {
+        let date = |place: usize| craft.span.as_ref().map_or("-".into(), |span| span[place].date.clone());
+        grid.push([
+            craft.craft.clone(),
+            craft.flights.to_string(),
+            significant(craft.airborne_s / MINUTE_S, 3),
+            date(0),
+            date(1),
+            craft.changes.len().to_string(),
+            craft.odd_flights.len().to_string(),
+            craft.unused.len().to_string(),
+        ]);
+    }
+    grid
+}
+
+fn changes(answer: &Answer) -> Grid {
+    let mut grid = Grid::new(
+        "Changes: what moved most (p: chance of as large a step anywhere in the fleet), and what explains it",
+        [
+            text("craft"),
+            text("from flight"),
+            text("what moved"),
+            text("before"),
+            text("after"),
+            number("p", ""),
+            text("explained by"),
+        ],
+    );
+    for (craft, event) in events(answer).take(ROWS) {
+        let Some(moved) = event.moved.first() else { continue };
+        grid.push([
+            craft.craft.clone(),
+            event.from.flight.clone(),
+            format!("{}{}", moved.series, if moved.drifts { " (drifts)" } else { "" }),
+            with_error(moved.before.value, moved.before.std_error, &moved.unit),
+            with_error(moved.after.value, moved.after.std_error, &moved.unit),
+            p_value(moved.p_value),
+            event.explanations.first().map_or("no known change".into(), named),
+        ]);
+    }
+    grid
+}
+
+fn events(answer: &Answer) -> impl Iterator<Item = (&CraftAnswer, &Event)> {
+    answer.crafts.iter().flat_map(|craft| craft.changes.iter().map(move |event| (craft, event)))
+}
+
+fn shares(answer: &Answer) -> Grid {
+    let mut grid = Grid::new(
+        "The plainest statistic beside them: share of each motor in the mean command, before and after (p of Student's t)",
+        [
+            text("craft"),
+            text("from flight"),
+            text("motor 1"),
+            text("motor 2"),
+            text("motor 3"),
+            text("motor 4"),
+        ],
+    );
+    for (craft, event) in events(answer).take(ROWS) {
+        let shares = &event.motor_shares;
+        let of = |motor: usize| {
+            let [before, after] = [shares.before, shares.after].map(|all| significant(all[motor], 4));
+            format!("{before} to {after} (p {})", p_value(shares.p_value[motor]))
+        };
+        grid.push([craft.craft.clone(), event.from.flight.clone(), of(0), of(1), of(2), of(3)]);
+    }
+    grid
+}
+
+fn odd(answer: &Answer) -> Grid {
+    let mut grid = Grid::new(
+        "Single flights that stand out",
+        [text("flight"), text("date"), text("what"), text("value"), text("others"), number("p", "")],
+    );
+    let all = answer.crafts.iter().flat_map(|craft| &craft.odd_flights);
+    for own in all.take(ROWS) {
+        grid.push([
+            own.flight.flight.clone(),
+            own.flight.date.clone(),
+            own.series.clone(),
+            format!("{} {}", significant(own.value, 4), report::number::unit(&own.unit)),
+            with_error(own.others.value, own.others.std_error, &own.unit),
+            p_value(own.p_value),
+        ]);
+    }
+    grid
+}
+
+fn coefficients(answer: &Answer) -> Grid {
+    let mut grid = Grid::new(
+        "Coefficients: of all flights together, and of the flights one by one since the last change with their scatter",
+        [
+            text("craft"),
+            text("effect"),
+            text("coefficient"),
+            text("all flights"),
+            text("now"),
+            text("scatter"),
+        ],
+    );
+    for craft in &answer.crafts {
+        for own in &craft.coefficients {
+            let all = own.value.zip(own.std_error);
+            grid.push([
+                craft.craft.clone(),
+                own.effect.to_string(),
+                own.name.clone(),
+                all.map_or("not determined".into(), |(value, error)| with_error(value, error, &own.unit)),
+                own.now.map_or("-".into(), |now| with_error(now.value, now.std_error, &own.unit)),
+                own.now.map_or("-".into(), |now| significant(now.between, 2)),
+            ]);
+        }
+    }
+    grid
+}
+
+fn axes(answer: &Answer) -> Grid {
+    let mut grid = Grid::new(
+        "What is left of each axis (root mean square; m/s^2 of u v w, rad/s^2 of p q r)",
+        [
+            text("craft"),
+            text("axis"),
+            number("fitted", ""),
+            number("each flight by the others", ""),
+            number("the same with the reference's effects", ""),
+        ],
+    );
+    for craft in &answer.crafts {
+        let Some(axes) = &craft.axes else { continue };
+        for axis in model::AXES {
+            let own = axes[axis];
+            if own.rms.is_finite() {
+                let all = [own.rms, own.held_out_rms, own.held_out_rms_of_reference];
+                let [a, b, c] = all.map(|rms| significant(rms, 3));
+                grid.push([craft.craft.clone(), axis.name().to_owned(), a, b, c]);
+            }
+        }
+    }
+    grid
+}
+
+fn against_each_other(answer: &Answer) -> Grid {
+    let found = &answer.craft_against_craft;
+    let mut grid = Grid::new(
+        format!("Craft that differ by more than their flights do (of {} comparisons)", found.compared),
+        [
+            text("craft"),
+            text("against"),
+            text("coefficient"),
+            text("first"),
+            text("second"),
+            number("p", ""),
+            text("vehicle files"),
+        ],
+    );
+    for own in found.differences.iter().take(ROWS) {
+        let CraftDifference { crafts: [first, second], means, unit, vehicle_files_differ, .. } = own;
+        let [a, b] = means.map(|mean| with_error(mean.value, mean.std_error, unit));
+        let files = if *vehicle_files_differ { "differ" } else { "the same" };
+        let p = p_value(own.p_value);
+        grid.push([first.clone(), second.clone(), own.coefficient.clone(), a, b, p, files.into()]);
+    }
+    grid
+}
+
+fn batteries(answer: &Answer) -> Grid {
+    let found = &answer.battery_against_battery;
+    let mut grid = Grid::new(
+        format!(
+            "Batteries that differ from the others on the same craft (of {} comparisons)",
+            found.compared
+        ),
+        [
+            text("battery"),
+            text("what"),
+            number("flights", ""),
+            number("without", ""),
+            text("difference"),
+            number("p", ""),
+        ],
+    );
+    for own in found.differences.iter().take(ROWS) {
+        let BatteryDifference { battery, series, unit, flights: [with, without], .. } = own;
+        grid.push([
+            battery.clone(),
+            series.clone(),
+            with.to_string(),
+            without.to_string(),
+            with_error(own.difference, own.std_error, unit),
+            p_value(own.p_value),
+        ]);
+    }
+    grid
+}
+
+fn faults(answer: &Answer) -> Grid {
+    let mut grid = Grid::new(
+        "What the checks of the logs found",
+        [
+            text("craft"),
+            text("fault"),
+            number("flights", ""),
+            number("of", ""),
+            text("first"),
+            text("last"),
+            text("in the last one"),
+        ],
+    );
+    for craft in &answer.crafts {
+        for own in craft.faults.iter().filter(|own| own.severity != "note") {
+            let [flights, of] = own.flights.map(|count| count.to_string());
+            let [first, last] = own.span.each_ref().map(|moment| moment.flight.clone());
+            let sentence = own.sentence.clone();
+            grid.push([craft.craft.clone(), own.kind.clone(), flights, of, first, last, sentence]);
+        }
+    }
+    grid
+}
+
+fn unused(answer: &Answer) -> Grid {
+    let mut grid = Grid::new("Not used", [text("file"), text("why")]);
+    let all: Vec<_> = answer.crafts.iter().flat_map(|craft| &craft.unused).collect();
+    for own in all.iter().take(ROWS) {
+        grid.push([own.file.clone(), own.why.clone()]);
+    }
+    if all.len() > ROWS {
+        grid.push([format!("and {} more", all.len() - ROWS), String::new()]);
+    }
+    grid
+}
+
+/// All flights over time, a line for each craft.
+fn timeline(answered: &Answered<'_>) -> Figure {
+    let all = answered.histories.iter().flat_map(|history| &history.flights);
+    let first_s = all.map(|flight| flight.when.unix_s).fold(f64::INFINITY, f64::min);
+    let days = |unix_s: f64| (unix_s - first_s) / DAY_S;
+    let label = match first_s.is_finite() {
+        true => format!("days since {}", fleet::day_and_time(first_s)),
+        false => "days".into(),
+    };
+    let mut figure = Figure::new("Flights", Axis::new(label, "d"), Axis::new("craft, from the first on", ""));
+    for (place, (history, craft)) in answered.histories.iter().zip(&answered.answer.crafts).enumerate() {
+        let points: Vec<(f64, f64)> =
+            history.flights.iter().map(|flight| (days(flight.when.unix_s), (place + 1) as f64)).collect();
+        figure = figure.with(Series::points(craft.craft.clone(), Style::Category(place), points));
+        let changes: Vec<(f64, f64)> = craft
+            .changes
+            .iter()
+            .map(|event| (days(history.flights[event.at].when.unix_s), (place + 1) as f64))
+            .collect();
+        if !changes.is_empty() {
+            figure = figure.with(Series::points("", Style::PredictedBefore, changes));
+        }
+    }
+    figure
+}
+
+fn of_craft(craft: &CraftAnswer, history: &CraftHistory<'_>) -> Section {
+    let mut section = Section::new(craft.craft.clone());
+    for event in &craft.changes {
+        section = section.paragraph(told(craft, event));
+    }
+    let moved: Vec<&str> =
+        craft.changes.iter().flat_map(|event| &event.moved).map(|moved| moved.series.as_str()).collect();
+    let mut shown: Vec<&History> = Vec::new();
+    for name in moved {
+        let own = history.series.iter().find(|series| series.name == name);
+        if let Some(own) = own.filter(|own| shown.iter().all(|known| known.name != own.name)) {
+            shown.push(own);
+        }
+    }
+    if shown.is_empty() {
+        shown.extend(history.series.iter().filter(|series| series.kind == Kind::Coefficient).take(1));
+    }
+    for series in shown.into_iter().take(PICTURES) {
+        section = section.figure(
+            over_flights(series, craft),
+            "Each flight by itself, with the 95 % interval of its noise; means before and after each change.",
+        );
+    }
+    section
+}
+
+/// A series over the flights, with what changed.
+fn over_flights(series: &History, craft: &CraftAnswer) -> Figure {
+    let flight = |k: usize| (series.at[k] + 1) as f64;
+    let points: Vec<(f64, f64)> =
+        series.values.iter().enumerate().map(|(k, own)| (flight(k), own.value)).collect();
+    let errors: Vec<(f64, f64)> = series
+        .values
+        .iter()
+        .enumerate()
+        .filter(|(_, own)| own.std_error > 0.0)
+        .flat_map(|(k, own)| {
+            let half = 1.96 * own.std_error;
+            [(flight(k), own.value - half), (flight(k), own.value + half), (f64::NAN, f64::NAN)]
+        })
+        .collect();
+    let axis = Axis::new("flight, in the order flown", "");
+    let mut figure =
+        Figure::new(series.name.clone(), axis, Axis::new(series.name.clone(), series.unit.clone()));
+    if !errors.is_empty() {
+        figure = figure.with(Series::line("95 % interval", Style::Muted, errors));
+    }
+    figure = figure.with(Series::points("flight", Style::PredictedAfter, points));
+    for event in &craft.changes {
+        figure = figure.mark(Mark::event(event.from.date.clone(), event.at as f64 + 0.5));
+    }
+    figure.with(Series::line("mean between changes", Style::Reference, means(series, craft)))
+}
+
+/// The mean between each two changes.
+fn means(series: &History, craft: &CraftAnswer) -> Vec<(f64, f64)> {
+    let ends = craft.changes.iter().map(|event| event.at).chain([usize::MAX]);
+    let (mut points, mut from) = (Vec::new(), 0);
+    for end in ends {
+        let inside: Vec<usize> =
+            (0..series.at.len()).filter(|k| (from..end).contains(&series.at[*k])).collect();
+        let values: Vec<_> = inside.iter().map(|k| series.values[*k]).collect();
+        if let (Some(mean), Some(first), Some(last)) = (fleet::mean(&values), inside.first(), inside.last()) {
+            let place = |k: usize| (series.at[k] + 1) as f64;
+            points.extend([
+                (place(*first) - 0.4, mean.value),
+                (place(*last) + 0.4, mean.value),
+                (f64::NAN, f64::NAN),
+            ]);
+        }
+        from = end;
+    }
+    points
+}
