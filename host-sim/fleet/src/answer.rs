@@ -422,7 +422,7 @@ fn against_each_other(
 }
 
 fn of_batteries(answers: &[CraftAnswer], histories: &[CraftHistory<'_>]) -> BatteryComparison {
-    let of_craft: Vec<(Vec<Series>, Vec<Option<String>>, Vec<usize>)> = answers
+    let of_craft: Vec<_> = answers
         .iter()
         .zip(histories)
         .map(|(answer, history)| {
@@ -430,7 +430,7 @@ fn of_batteries(answers: &[CraftAnswer], histories: &[CraftHistory<'_>]) -> Batt
             let mut series: Vec<Series> =
                 history.series.iter().filter(|series| series.kind != Kind::Change).cloned().collect();
             series.extend(voltages(&rows));
-            let batteries = history.flights.iter().map(|flight| flight.battery.clone()).collect();
+            let batteries: Vec<_> = history.flights.iter().map(|flight| flight.battery.clone()).collect();
             (series, batteries, bounds(answer.changes.iter().map(|event| event.at), rows.len()))
         })
         .collect();

@@ -9,8 +9,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sysid::Severity;
 
-use crate::layout::{Craft, Fleet};
-use crate::read::READING;
+use crate::layout::{Craft, Fleet, READING};
 use crate::reference::sets_of;
 use crate::row::Row;
 

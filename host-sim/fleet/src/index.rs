@@ -3,6 +3,7 @@
 //! Triangles are lists of numbers, column by column; the names of their columns stand beside them. Units and the version of the
 //! schema are in the file's metadata.
 
+use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
@@ -76,7 +77,7 @@ pub(crate) type Places = HashMap<String, HashMap<String, usize>>;
 
 impl Index {
     /// As a Parquet file: equal indexes give equal bytes. The lists are lent to the table meanwhile: there are many of them.
-    pub(crate) fn to_parquet(
+    pub(crate) fn encode(
         &mut self,
         references: &BTreeMap<String, Reference>,
         path: &Path,
@@ -262,13 +263,15 @@ fn of_axis(table: &mut Table, axis: &str, rows: &[Row], places: &Places) -> Opti
     (0..rows.len())
         .map(|k| {
             let key = (rows[k].craft.as_str(), names[k].as_str());
-            if !known.contains_key(&key) {
-                let own = names[k].split_whitespace();
-                let at = |name: &str| places.get(key.0)?.get(name).copied();
-                known.insert(key, own.map(at).collect::<Option<Vec<usize>>>()?);
-            }
+            let parameters = match known.entry(key) {
+                Entry::Occupied(own) => own.into_mut(),
+                Entry::Vacant(own) => {
+                    let at = |name: &str| places.get(key.0)?.get(name).copied();
+                    own.insert(key.1.split_whitespace().map(at).collect::<Option<Vec<usize>>>()?)
+                }
+            };
             Some(AxisEquations {
-                parameters: known.get(&key)?.clone(),
+                parameters: parameters.clone(),
                 triangle: std::mem::take(&mut triangle[k]),
                 scores: std::mem::take(&mut scores[k]),
                 timing: std::mem::take(&mut timing[k]),

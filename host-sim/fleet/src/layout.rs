@@ -5,6 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
+use diagnosis::workflow::Reading;
 use flights::ColumnMap;
 use model::{Model, Vehicle};
 
@@ -15,6 +16,9 @@ use crate::settings::{SETTINGS, Settings};
 const VEHICLE: &str = "vehicle.toml";
 /// Name of a model file in a craft's folder that is taken for its reference.
 const MODEL: &str = "model.toml";
+
+/// How flights are taken: a fault is kept with the flight and ends nothing.
+pub(crate) const READING: Reading = Reading { accept_faults: true, window_s: None, whole: false };
 
 /// Ending of the folder beside an index in which a pass leaves its parts.
 pub(crate) const PARTS: &str = "parts";

@@ -114,7 +114,7 @@ pub(crate) fn save(
     references: &BTreeMap<String, Reference>,
     path: &Path,
 ) -> Result<(), FleetError> {
-    let bytes = index.to_parquet(references, path)?;
+    let bytes = index.encode(references, path)?;
     report::write_atomic(path, bytes).map_err(|why| FleetError::write(path, why))
 }
 

@@ -3,17 +3,15 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-use diagnosis::workflow::{LoadedFlight, Reading, WorkflowError};
+use diagnosis::workflow::{LoadedFlight, WorkflowError};
 use model::Vehicle;
 use sysid::{Prepared, Reference as Clock, Severity};
 
 use crate::equations::Equations;
+use crate::layout::READING;
 use crate::reference::Reference;
 use crate::row::{LoggerFault, Row, State};
 use crate::when;
-
-/// How flights are taken: a fault is kept with the flight and ends nothing.
-pub(crate) const READING: Reading = Reading { accept_faults: true, window_s: None, whole: false };
 
 /// The rows of a file's flights, without where the file lies. `reference` is the craft's, where it has one.
 pub(crate) fn rows(

@@ -14,8 +14,7 @@ use sysid::Severity;
 
 use crate::equations::{Columns, Parameter};
 use crate::error::FleetError;
-use crate::layout::Craft;
-use crate::read::READING;
+use crate::layout::{Craft, READING};
 
 /// Flights that a reference is identified from, and files that are tried for them.
 const FLIGHTS: usize = 6;

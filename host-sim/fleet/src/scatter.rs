@@ -114,7 +114,7 @@ mod tests {
     fn the_variance_between_is_that_of_metafor() {
         let trials = BCG.map(|(value, variance): (f64, f64)| Estimate { value, std_error: variance.sqrt() });
         let found = mean(&trials).unwrap();
-        assert!((found.between.powi(2) - 0.318).abs() < 1e-3, "{found:?}");
+        assert!((1000.0 * found.between.powi(2) - 318.0).abs() < 1.0, "{found:?}");
         assert!((found.value + 0.715).abs() < 1e-3 && (found.std_error - 0.181).abs() < 1e-3, "{found:?}");
     }
 

@@ -25,25 +25,25 @@ const MOST_ALIKE: f64 = 0.9;
 
 /// A step of a series.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Step {
+pub(crate) struct Step {
     /// First value after it.
-    pub at: usize,
+    pub(crate) at: usize,
     /// First and last place where it may as well be (95 %).
-    pub likely: [usize; 2],
+    pub(crate) likely: [usize; 2],
     /// Mean before, from the step before this one on.
-    pub before: Mean,
+    pub(crate) before: Mean,
     /// Mean after, up to the next step.
-    pub after: Mean,
+    pub(crate) after: Mean,
     /// Standard error of the difference.
-    pub std_error: f64,
+    pub(crate) std_error: f64,
     /// Chance of as large a step anywhere in any series where nothing changed.
-    pub p_value: f64,
+    pub(crate) p_value: f64,
     /// Whether a straight line leaves less than the step.
-    pub drifts: bool,
+    pub(crate) drifts: bool,
 }
 
 /// The steps of a series in its order, one of so many series.
-pub fn steps(series: &[Estimate], tests: f64) -> Vec<Step> {
+pub(crate) fn steps(series: &[Estimate], tests: f64) -> Vec<Step> {
     if series.len() < FEWEST {
         return Vec::new();
     }
@@ -198,20 +198,20 @@ impl Scan {
 
 /// A value that stands out of its series.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Outlier {
+pub(crate) struct Outlier {
     /// Which.
-    pub at: usize,
+    pub(crate) at: usize,
     /// Mean of the others.
-    pub others: Mean,
+    pub(crate) others: Mean,
     /// Chance of as far a value anywhere in any series.
-    pub p_value: f64,
+    pub(crate) p_value: f64,
 }
 
 /// Most values that stand out of a stretch of a series: more of them are no exception.
 const MOST_OUTLIERS: usize = 10;
 
 /// Values that stand out of a stretch without a step.
-pub fn outliers(series: &[Estimate], tests: f64) -> Vec<Outlier> {
+pub(crate) fn outliers(series: &[Estimate], tests: f64) -> Vec<Outlier> {
     let mut rest: Vec<(usize, Estimate)> = series.iter().copied().enumerate().collect();
     let mut found = Vec::new();
     while rest.len() >= FEWEST && found.len() < MOST_OUTLIERS.min(series.len() / FEWEST) {

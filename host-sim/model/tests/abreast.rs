@@ -59,8 +59,11 @@ fn bits(state: &State) -> Vec<u64> {
     parts.concat().into_iter().map(f64::to_bits).collect()
 }
 
+/// Which effects a craft has, their sizes, its state, and the steps of the parts of a period.
+type Drawn = (u32, Vec<f64>, Vec<f64>, [u32; 2]);
+
 /// Flies craft for some periods, by themselves and side by side. `shape` limits the effects that there are.
-fn compared(shape: u32, all: &[(u32, Vec<f64>, Vec<f64>, [u32; 2])]) -> Result<(), TestCaseError> {
+fn compared(shape: u32, all: &[Drawn]) -> Result<(), TestCaseError> {
     let plants: Vec<Plant> =
         all.iter().map(|(which, sizes, ..)| Plant::new(&craft(which & shape, sizes))).collect();
     let mut abreast = Abreast::new();

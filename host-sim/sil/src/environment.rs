@@ -476,9 +476,9 @@ mod tests {
             (0..11).map(|seed| Environment::new(drawn.clone(), seed).unwrap()).collect();
         let action = |number: usize| [0.1 * number as f32 - 0.5, 0.2, -0.1, 0.0];
         let actions: Vec<[f32; 4]> = (0..11).map(action).collect();
-        let waits = |number: usize, tick: usize| number == 4 && tick % 3 == 0;
+        let waits = |number: usize, tick: usize| number == 4 && tick.is_multiple_of(3);
         for tick in 0..100 {
-            let mut came = vec![None; 11];
+            let mut came = [None; 11];
             let given = |number: usize| (!waits(number, tick)).then_some(&actions[number]);
             many.step(given, |number, stepped| came[number] = Some(stepped));
             for (number, one) in alone.iter_mut().enumerate() {

@@ -10,6 +10,7 @@ pub(crate) mod evidence;
 pub(crate) mod excite_page;
 pub(crate) mod figures;
 pub(crate) mod fleet;
+pub(crate) mod fleet_figures;
 pub(crate) mod grid;
 pub(crate) mod import_text;
 pub(crate) mod pages;
