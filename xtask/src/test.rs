@@ -120,8 +120,10 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
         "none of these steps is of {}",
         if options.nightly { "the night" } else { "the day: add --nightly" }
     );
+    // The night's parts have nothing to do with one another, and nobody waits for the first failure.
+    let goes_on = options.keep_going || options.nightly;
     for (at, step) in steps.iter().enumerate() {
-        if total.failed > 0 && !options.keep_going {
+        if total.failed > 0 && !goes_on {
             summary.push(format!("  not run  {}", step.name));
             continue;
         }

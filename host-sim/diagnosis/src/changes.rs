@@ -17,7 +17,7 @@ use crate::change_conclusion::{OfRows, conclude};
 use crate::change_fit::{Fitted, fit_change};
 use crate::change_scatter::Scattered;
 use crate::change_structure::structure_left;
-use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, weigh};
+use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, rank_of_change, weigh};
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Unexplained};
 use crate::held_out::take_gain;
 use crate::observer::Observer;
@@ -27,9 +27,6 @@ use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::zero_p_value;
 use sysid::prepare::Prepared;
 use sysid::{FitError, Residuals, residuals};
-
-/// Part of its gain that a change loses in rank for each coefficient: of two that explain as much, the simpler comes first.
-const FOR_A_COEFFICIENT: f64 = 0.02;
 
 /// Names the one of `changes` that explains new flights, with the model's parameters as they are.
 pub fn changed(
@@ -47,7 +44,7 @@ pub fn changed(
         steps.next(&format!("trying {change}"))?;
         findings.push((change, examine(model, change, flights, changes.len()).finding));
     }
-    let score = |f: &EffectFinding| f.gain * (1.0 - FOR_A_COEFFICIENT * f.coefficients.len() as f64);
+    let score = |f: &EffectFinding| rank_of_change(f.gain, f.coefficients.len());
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
     let mut with_best = mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
     let mut left = structure_left(with_best.as_ref().map_or(model, |with| &with.model), flights);

@@ -68,7 +68,14 @@ pub(crate) const TIE: f64 = 3.0;
 pub(crate) const RIVAL: f64 = 0.7;
 /// One with this part of it is confounded with it whatever more they explain together: a weight under a motor is both a
 /// shifted centre of mass and, nearly, a motor that gives less thrust.
-pub(crate) const AS_GOOD: f64 = 0.9;
+pub const AS_GOOD: f64 = 0.9;
+/// Part of its gain that a change loses in rank for each coefficient: of two that explain as much, the simpler comes first.
+const FOR_A_COEFFICIENT: f64 = 0.02;
+
+/// What changes are ranked by, from their gain and the number of their coefficients.
+pub fn rank_of_change(gain: f64, coefficients: usize) -> f64 {
+    gain * (1.0 - FOR_A_COEFFICIENT * coefficients as f64)
+}
 
 /// What the flights are asked.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

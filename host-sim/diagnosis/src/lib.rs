@@ -46,6 +46,7 @@ pub mod workflow;
 pub use addition::{Addition, add};
 pub use change::Change;
 pub use change_evidence::{ChangeEvidence, WhyChanged, why_changed};
+pub use criteria::{AS_GOOD, rank_of_change};
 pub use diagnose::{diagnose, diagnose_with};
 pub use discovery::{Discovery, DiscoveryVerdict, Proposal};
 pub use evidence::{Why, WhyError, why};

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use diagnosis::workflow::{Observer, Progress};
 use model::{Effect, PerAxis};
+use sysid::Severity;
 
 use crate::cause;
 use crate::changes::Candidate;
@@ -39,6 +40,11 @@ pub struct Question {
 }
 
 impl Question {
+    /// Whether the causes of changes may be looked up: what `quadlab diagnose --changed` says is about the usual effects.
+    pub fn looks_up_causes(&self) -> bool {
+        self.causes && self.is_usual()
+    }
+
     fn is_usual(&self) -> bool {
         self.effects.is_none() && self.without.is_empty()
     }
@@ -72,49 +78,40 @@ pub struct Answered<'a> {
     pub histories: Vec<CraftHistory<'a>>,
 }
 
-/// Finds the causes of changes in the logs that are not known yet, and keeps them. With nothing to find, nothing is read.
-pub fn find_causes(
+/// Looks up in the logs the causes of changes that are not known yet, puts them into the answer and keeps them. With nothing to look up,
+/// nothing is read.
+pub fn look_up_causes(
+    answered: &mut Answered<'_>,
     fleet: &Fleet,
-    indexed: &mut Indexed,
+    indexed: &Indexed,
     path: &Path,
-    question: &Question,
     observer: &dyn Observer,
 ) -> Result<(), FleetError> {
-    if !question.causes || !question.is_usual() {
-        return Ok(());
-    }
+    let unknown = |craft: &CraftAnswer| craft.changes.iter().filter(|event| event.in_logs.is_none()).count();
+    let wanted: usize = answered.answer.crafts.iter().map(unknown).sum();
     let mut found = BTreeMap::new();
-    let asked = ask(fleet, indexed, question)?;
-    let wanted: usize = asked.answer.crafts.iter().map(|craft| craft.changes.len()).sum();
-    let mut done = 0;
-    for (own, history) in asked.answer.crafts.iter().zip(&asked.histories) {
+    for (own, history) in answered.answer.crafts.iter_mut().zip(&answered.histories) {
         let rows: Vec<&Row> = history.flights.iter().map(|flight| flight.row).collect();
         let bounds = bounds(own.changes.iter().map(|event| event.at), rows.len());
-        for split in bounds.windows(3) {
-            let sides = cause::flights(&rows, [split[0], split[1], split[2]]);
-            let key = cause::key(sides);
-            let Some(craft) = fleet.crafts.iter().find(|craft| craft.name == own.craft) else { continue };
-            if indexed.index.causes.contains_key(&key) {
+        let Some(craft) = fleet.crafts.iter().find(|craft| craft.name == own.craft) else { continue };
+        for (event, split) in own.changes.iter_mut().zip(bounds.windows(3)) {
+            if event.in_logs.is_some() || observer.is_cancelled() {
                 continue;
             }
-            if observer.is_cancelled() {
-                return Err(FleetError::Cancelled);
-            }
             let activity = format!("{}: what changed with {}", own.craft, rows[split[1]].label());
-            observer.progress(Progress { activity: &activity, steps: Some((done, wanted)) });
+            observer.progress(Progress { activity: &activity, steps: Some((found.len(), wanted)) });
+            let sides = cause::flights(&rows, [split[0], split[1], split[2]]);
             let cause = cause::ask(fleet, craft, sides, observer);
-            if observer.is_cancelled() {
-                return Err(FleetError::Cancelled);
+            if !observer.is_cancelled() {
+                found.insert(cause::key(sides), serde_json::to_value(&cause).unwrap_or_default());
+                event.put_logs(Some(cause));
             }
-            found.insert(key, serde_json::to_value(cause).unwrap_or_default());
-            done += 1;
         }
     }
     if !found.is_empty() {
-        indexed.index.causes.extend(found);
-        save(&mut indexed.index, &indexed.references, path)?;
+        save(&indexed.index, &indexed.references, &found, path)?;
     }
-    Ok(())
+    if observer.is_cancelled() { Err(FleetError::Cancelled) } else { Ok(()) }
 }
 
 /// The first flight, those before which something changed, and the one after the last.
@@ -279,17 +276,20 @@ impl<'a> Prepared<'a> {
             let split = [split[0], split[1], split[2]];
             let key = cause::key(cause::flights(&rows, split));
             let kept = indexed.index.causes.get(&key);
-            Event {
+            let mut event = Event {
                 from: self.moment(at),
                 last_before: self.moment(at - 1),
                 likely: likely.map(|place| rows[place].label()),
                 flights: [split[1] - split[0], split[2] - split[1]],
                 moved,
                 explanations: explanations(&flown, &self.candidates, split),
-                in_logs: kept.and_then(|kept| serde_json::from_value(kept.clone()).ok()),
+                in_logs: None,
+                causes_disagree: false,
                 motor_shares: motor_shares(&flown, split),
                 at,
-            }
+            };
+            event.put_logs(kept.and_then(|kept| serde_json::from_value(kept.clone()).ok()));
+            event
         };
         found.into_iter().zip(bounds.windows(3)).map(event).collect()
     }
@@ -330,10 +330,10 @@ impl<'a> Prepared<'a> {
         let mut looked_at: Vec<&FlightOf<'_>> = self.flights.iter().chain(&self.all).collect();
         looked_at.retain(|flight| flight.row.state != State::NotReadable);
         looked_at.sort_by(|a, b| a.when.unix_s.total_cmp(&b.when.unix_s));
-        let mut all: BTreeMap<(&str, &str), (Vec<&FlightOf<'_>>, &str)> = BTreeMap::new();
+        let mut all: BTreeMap<(&str, Severity), (Vec<&FlightOf<'_>>, &str)> = BTreeMap::new();
         for flight in &looked_at {
             for fault in &flight.row.faults {
-                let own = all.entry((&fault.kind, &fault.severity)).or_insert((Vec::new(), ""));
+                let own = all.entry((&fault.kind, fault.severity)).or_insert((Vec::new(), ""));
                 if own.0.last().is_none_or(|last| last.row.place() != flight.row.place()) {
                     own.0.push(flight);
                 }
@@ -345,7 +345,7 @@ impl<'a> Prepared<'a> {
             .into_iter()
             .map(|((kind, severity), (flights, sentence))| FaultAnswer {
                 kind: kind.into(),
-                severity: severity.into(),
+                severity,
                 flights: [flights.len(), looked_at.len()],
                 span: [moment(flights[0]), moment(flights[flights.len() - 1])],
                 sentence: sentence.into(),

@@ -3,15 +3,16 @@
 
 use std::path::PathBuf;
 
+use diagnosis::Options;
 use diagnosis::workflow::{FlightsOfOneKind, LoadedFlight, Observer, Silent, changed, identify, sha256};
-use diagnosis::{Options, Verdict};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use sysid::Severity;
 
+use crate::error::one_line;
 use crate::layout::{Craft, Fleet, READING};
-use crate::reference::sets_of;
+use crate::reference::{is_good, sets_of};
 use crate::row::Row;
+use crate::words::word;
 
 /// Flights before a change that a model is made of, and flights after it that are held against it.
 const BEFORE: usize = 6;
@@ -40,6 +41,16 @@ pub struct CauseInLogs {
     pub after: Vec<String>,
 }
 
+/// Where the logs could not be used.
+const NOT_ASKED: &str = "not-asked";
+
+impl CauseInLogs {
+    /// Whether the logs could be asked.
+    pub fn is_answer(&self) -> bool {
+        self.verdict != NOT_ASKED
+    }
+}
+
 /// The flights that are asked about a change before the flight at `at`.
 pub(crate) fn flights<'a>(rows: &'a [&'a Row], [from, at, to]: [usize; 3]) -> [&'a [&'a Row]; 2] {
     [&rows[from.max(at.saturating_sub(BEFORE))..at], &rows[at..to.min(at + AFTER)]]
@@ -63,7 +74,7 @@ pub(crate) fn ask(
 ) -> CauseInLogs {
     let names = |rows: &[&Row]| rows.iter().map(|row| row.label()).collect::<Vec<_>>();
     let answer = CauseInLogs {
-        verdict: "not-asked".into(),
+        verdict: NOT_ASKED.into(),
         summary: String::new(),
         effect: None,
         motor: None,
@@ -83,20 +94,13 @@ fn answered(
     [before, after]: [&[&Row]; 2],
     observer: &dyn Observer,
 ) -> Result<CauseInLogs, String> {
-    let told = |why: diagnosis::workflow::WorkflowError| report::error_line(&why.to_string());
     let mut sets = sets_of(load(fleet, craft, before)?.flights, craft)?;
-    let model = identify(&craft.vehicle, &[], &mut sets, None, &Silent).map_err(told)?.model;
+    let model = identify(&craft.vehicle, &[], &mut sets, None, &Silent).map_err(one_line)?.model;
     let mut after = load(fleet, craft, after)?;
-    let diagnosis = changed(&model, &[], &mut after, &Options::default(), observer).map_err(told)?;
+    let diagnosis = changed(&model, &[], &mut after, &Options::default(), observer).map_err(one_line)?;
     let best = diagnosis.effects.iter().find(|finding| finding.supported);
-    let verdict = match diagnosis.verdict {
-        Verdict::MissingEffect => "missing-effect",
-        Verdict::Adequate => "adequate",
-        Verdict::Unexplained => "unexplained",
-        Verdict::NotIdentified => "not-identified",
-    };
     Ok(CauseInLogs {
-        verdict: verdict.into(),
+        verdict: word(&diagnosis.verdict),
         summary: diagnosis.summary.clone(),
         effect: best.map(|finding| finding.effect.id().to_owned()),
         motor: best.and_then(|finding| finding.motor),
@@ -110,14 +114,11 @@ fn answered(
 
 /// The flights of some rows, read again.
 fn load(fleet: &Fleet, craft: &Craft, rows: &[&Row]) -> Result<FlightsOfOneKind, String> {
-    let told = |why: diagnosis::workflow::WorkflowError| report::error_line(&why.to_string());
     let mut paths: Vec<PathBuf> = rows.iter().map(|row| fleet.folder.join(&row.file)).collect();
     paths.dedup();
-    let read = FlightsOfOneKind::read(&paths, &craft.vehicle, READING, &Silent).map_err(told)?;
-    let is_asked = |flight: &LoadedFlight| {
-        let is_good = flight.faults.iter().all(|fault| fault.severity != Severity::Refused);
-        is_good && rows.iter().any(|row| row.name == flight.prepared.name)
-    };
+    let read = FlightsOfOneKind::read(&paths, &craft.vehicle, READING, &Silent).map_err(one_line)?;
+    let is_asked =
+        |flight: &LoadedFlight| is_good(flight) && rows.iter().any(|row| row.name == flight.prepared.name);
     let flights = read.flights.into_iter().filter(is_asked).collect();
-    FlightsOfOneKind::from_loaded(flights, &craft.vehicle, READING).map_err(told)
+    FlightsOfOneKind::from_loaded(flights, &craft.vehicle, READING).map_err(one_line)
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::fit::Estimate;
 use crate::history::{Kind, Series};
-use crate::scatter::{Mean, between_variance, mean};
+use crate::scatter::{Mean, between_variance, mean, weighted};
 use crate::steps::{SIGNIFICANCE, two_sided};
 
 /// Two craft that differ in a coefficient.
@@ -87,7 +87,6 @@ pub(crate) fn crafts(all: &[Current<'_>]) -> CraftComparison {
                 let same =
                     |(other, _): &&(&Series, Mean)| other.name == series.name && other.unit == series.unit;
                 let Some((_, two)) = means[second].iter().find(same) else { continue };
-                found.compared += 1;
                 let (difference, std_error) = (two.value - one.value, one.std_error.hypot(two.std_error));
                 found.differences.push(CraftDifference {
                     crafts: [a.craft.into(), b.craft.into()],
@@ -102,11 +101,23 @@ pub(crate) fn crafts(all: &[Current<'_>]) -> CraftComparison {
             }
         }
     }
-    let tests = found.compared as f64;
-    found.differences.iter_mut().for_each(|own| own.p_value = (own.p_value * tests).min(1.0));
-    found.differences.retain(|own| own.p_value < SIGNIFICANCE);
-    found.differences.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    found.compared = found.differences.len();
+    found.differences = significant(found.differences, |own| &mut own.p_value);
     found
+}
+
+/// Corrects chances for how many differences were looked at (Bonferroni), and keeps those that are then sure, the surest first.
+fn significant<T>(differences: Vec<T>, p_value: fn(&mut T) -> &mut f64) -> Vec<T> {
+    let tests = differences.len() as f64;
+    let corrected = |mut own: T| {
+        let chance = p_value(&mut own);
+        *chance = (*chance * tests).min(1.0);
+        (*chance, own)
+    };
+    let mut kept: Vec<(f64, T)> = differences.into_iter().map(corrected).collect();
+    kept.retain(|(chance, _)| *chance < SIGNIFICANCE);
+    kept.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    kept.into_iter().map(|(_, own)| own).collect()
 }
 
 /// Coefficients of a craft since its last change, of two flights at least.
@@ -148,14 +159,11 @@ pub(crate) fn batteries(strata: &[Stratum<'_>]) -> BatteryComparison {
     for battery in &found.batteries {
         for kind in &kinds {
             let Some(difference) = against_others(strata, battery, kind) else { continue };
-            found.compared += 1;
             found.differences.push(difference);
         }
     }
-    let tests = found.compared as f64;
-    found.differences.iter_mut().for_each(|own| own.p_value = (own.p_value * tests).min(1.0));
-    found.differences.retain(|own| own.p_value < SIGNIFICANCE);
-    found.differences.sort_by(|a, b| a.p_value.total_cmp(&b.p_value));
+    found.compared = found.differences.len();
+    found.differences = significant(found.differences, |own| &mut own.p_value);
     found
 }
 
@@ -179,17 +187,11 @@ fn against_others(strata: &[Stratum<'_>], battery: &str, kind: &Series) -> Optio
         let values = |places: &[usize]| places.iter().map(|k| series.values[*k]).collect::<Vec<Estimate>>();
         let (with, without) = (values(&own), values(&others));
         let variance = between_variance(&[&with, &without]);
-        let weigh = |all: &[Estimate]| {
-            all.iter().fold((0.0, 0.0), |(sum, weights), e| {
-                let weight = 1.0 / (e.std_error.powi(2) + variance).max(1e-200);
-                (sum + weight * e.value, weights + weight)
-            })
-        };
-        let ((sum_a, a), (sum_b, b)) = (weigh(&with), weigh(&without));
+        let ((mean_a, a), (mean_b, b)) = (weighted(&with, variance), weighted(&without, variance));
         // The squares of the indicator about its weighted mean, and its product with the values.
         let own_square = a * b / (a + b);
         square += own_square;
-        product += own_square * (sum_a / a - sum_b / b);
+        product += own_square * (mean_a - mean_b);
         flights = [flights[0] + own.len(), flights[1] + others.len()];
         groups += 1.0;
     }

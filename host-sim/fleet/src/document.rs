@@ -3,6 +3,7 @@
 use model::{Effect, PerAxis};
 use schemars::JsonSchema;
 use serde::Serialize;
+use sysid::Severity;
 
 use crate::compare::{BatteryComparison, CraftComparison};
 use crate::events::{Event, Moment, OddFlight};
@@ -90,8 +91,8 @@ pub struct AxisAnswer {
 pub struct FaultAnswer {
     /// Its kind, such as "clock-offset".
     pub kind: String,
-    /// "refused", "warning" or "note".
-    pub severity: String,
+    /// What is done about it.
+    pub severity: Severity,
     /// Flights with it, and how many were looked at.
     pub flights: [usize; 2],
     /// The first and the last flight with it.

@@ -10,6 +10,8 @@
 //!   and West): standard errors of any set of effects follow from it, in proportion to what that set leaves;
 //! - what a jitter of the log's times does to X'y.
 
+use std::sync::Arc;
+
 use model::{Effect, Kind, Model};
 use nalgebra::{DMatrix, DVector};
 use sysid::Prepared;
@@ -82,11 +84,11 @@ pub struct AxisEquations {
     /// Coefficients that act there, by their place among the craft's columns.
     pub parameters: Vec<usize>,
     /// Upper triangle of [columns | target], column by column.
-    pub triangle: Vec<f64>,
+    pub triangle: Arc<[f64]>,
     /// Upper triangle of the covariance of the scores, column by column.
-    pub scores: Vec<f64>,
+    pub scores: Arc<[f64]>,
     /// What a jitter of the times does to the scores; empty where there is none.
-    pub timing: Vec<f64>,
+    pub timing: Arc<[f64]>,
     /// Standard deviation of what the flight's own fit of the reference's effects leaves.
     pub sigma: f64,
 }
@@ -157,7 +159,7 @@ fn on_axis(rows: &FlightRows, axis: usize, own: &[usize], off: Option<&RowColumn
     };
     let scores = scores_on(alone, axis, &value);
     let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum();
-    let timing = off.and_then(|off| off[axis].as_ref()).map_or_else(Vec::new, |off| {
+    let timing = off.and_then(|off| off[axis].as_ref()).map_or_else(Arc::default, |off| {
         parameters.iter().map(|k| rows.columns[*k][axis].as_ref().map_or(0.0, |c| product(c, off))).collect()
     });
     AxisEquations { parameters, triangle: packed(&left.triangle), scores: packed(&scores), timing, sigma }
@@ -175,7 +177,7 @@ fn scores_on(mut alone: FlightRows, axis: usize, value: &DVector<f64>) -> DMatri
 }
 
 /// The upper triangle of a square matrix, column by column.
-fn packed(square: &DMatrix<f64>) -> Vec<f64> {
+fn packed(square: &DMatrix<f64>) -> Arc<[f64]> {
     (0..square.ncols()).flat_map(|c| (0..=c).map(move |r| square[(r, c)])).collect()
 }
 

@@ -48,6 +48,17 @@ pub enum FleetError {
     Cancelled,
 }
 
+/// A sentence about a file without the file's path before it.
+pub(crate) fn without_path(path: &Path, sentence: &str) -> String {
+    let own = format!("{}: ", path.display());
+    sentence.strip_prefix(&own).unwrap_or(sentence).into()
+}
+
+/// An error as one line.
+pub(crate) fn one_line(why: impl std::fmt::Display) -> String {
+    report::error_line(&why.to_string())
+}
+
 fn more(unclaimed: &[String]) -> String {
     match unclaimed.first() {
         Some(first) => {
@@ -60,6 +71,11 @@ fn more(unclaimed: &[String]) -> String {
 impl FleetError {
     pub(crate) fn content(path: &Path, why: impl ToString) -> Self {
         Self::Content { path: path.into(), why: why.to_string() }
+    }
+
+    /// Of an error that may name the file itself.
+    pub(crate) fn of_file(path: &Path, why: &dyn std::error::Error) -> Self {
+        Self::content(path, without_path(path, &why.to_string()))
     }
 
     pub(crate) fn write(path: &Path, why: impl ToString) -> Self {

@@ -1,5 +1,6 @@
 //! What changed of a craft, and when: steps of its series, put together, and what explains them.
 
+use diagnosis::{AS_GOOD, rank_of_change};
 use model::Effect;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -12,10 +13,6 @@ use crate::scatter::{Mean, between_variance, mean_under};
 use crate::steps::{SIGNIFICANCE, Step, outliers, steps, two_sided};
 use crate::when::{When, WhenFrom};
 
-/// Part of the best one's gain from which on another change explains a step as well: as of `diagnose --changed`.
-const AS_GOOD: f64 = 0.9;
-/// Part of its gain that a change loses in rank for each coefficient: as of `diagnose --changed`.
-const FOR_A_COEFFICIENT: f64 = 0.02;
 /// Changes that are told of a step.
 const TOLD: usize = 5;
 /// Flights between steps of two series that are one change of the craft.
@@ -115,11 +112,38 @@ pub struct Event {
     /// What `quadlab diagnose --changed` says of the logs before and after, where it was asked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub in_logs: Option<CauseInLogs>,
+    /// Whether the logs say otherwise than what is kept of the flights, so that neither is to be relied on.
+    pub causes_disagree: bool,
     /// The plainest statistic beside it.
     pub motor_shares: MotorShares,
     /// Place of the first flight after it among the craft's.
     #[serde(skip)]
     pub at: usize,
+}
+
+impl Event {
+    /// Puts in what the logs say.
+    pub(crate) fn put_logs(&mut self, in_logs: Option<CauseInLogs>) {
+        self.causes_disagree = in_logs.as_ref().is_some_and(|logs| disagree(&self.explanations, logs));
+        self.in_logs = in_logs;
+    }
+}
+
+/// Whether what the logs say is none of the best explanations, nor any of these among what the logs take for the same.
+fn disagree(explanations: &[Explanation], logs: &CauseInLogs) -> bool {
+    if !logs.is_answer() {
+        return false;
+    }
+    let mut best = explanations.iter().enumerate().filter(|(k, own)| *k == 0 || own.as_good_as_the_best);
+    let is_same = |own: &Explanation| {
+        let effect = own.effect.id();
+        logs.effect.as_deref() == Some(effect) && logs.motor == own.motor
+            || logs.confounded_with.iter().any(|other| other == effect)
+    };
+    match logs.effect {
+        Some(_) => !best.any(|(_, own)| is_same(own)),
+        None => !explanations.is_empty(),
+    }
 }
 
 /// A single flight that stands out.
@@ -200,7 +224,7 @@ pub(crate) fn explanations(
     };
     let mut found: Vec<Explanation> = candidates.iter().enumerate().filter_map(of).collect();
     found.retain(|one| one.p_value < SIGNIFICANCE);
-    let rank = |one: &Explanation| one.gain * (1.0 - FOR_A_COEFFICIENT * one.coefficients.len() as f64);
+    let rank = |one: &Explanation| rank_of_change(one.gain, one.coefficients.len());
     found.sort_by(|a, b| rank(b).total_cmp(&rank(a)));
     let best = found.first().map_or(0.0, |one| one.gain);
     found.iter_mut().skip(1).for_each(|one| one.as_good_as_the_best = one.gain > AS_GOOD * best);
@@ -325,5 +349,53 @@ pub(crate) fn odd_flights(
 impl Moment {
     pub(crate) fn new(flight: String, when: When) -> Self {
         Self { flight, date: when.to_string(), date_from: when.from }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn explanation(effect: Effect, motor: Option<u8>, as_good_as_the_best: bool) -> Explanation {
+        Explanation {
+            effect,
+            motor,
+            coefficients: Vec::new(),
+            drop_percent: 50.0,
+            p_value: 1e-6,
+            as_good_as_the_best,
+            gain: 1.0,
+        }
+    }
+
+    fn logs(effect: Option<Effect>, motor: Option<u8>, confounded_with: &[Effect]) -> CauseInLogs {
+        CauseInLogs {
+            verdict: "missing-effect".into(),
+            summary: String::new(),
+            effect: effect.map(|effect| effect.id().into()),
+            motor,
+            confounded_with: confounded_with.iter().map(|effect| effect.id().into()).collect(),
+            before: Vec::new(),
+            after: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn causes_disagree_unless_one_of_the_best_is_the_logs_own() {
+        use Effect::{ComOffset, MassChange, MotorEfficiency};
+        let best = [
+            explanation(MotorEfficiency, Some(3), false),
+            explanation(ComOffset, None, true),
+            explanation(MassChange, None, false),
+        ];
+        let same = |effect, motor, others: &[Effect]| !disagree(&best, &logs(Some(effect), motor, others));
+        assert!(same(MotorEfficiency, Some(3), &[]) && same(ComOffset, None, &[]));
+        assert!(same(MassChange, None, &[ComOffset]), "the logs cannot tell it from one of the best");
+        assert!(!same(MotorEfficiency, Some(2), &[]), "another motor is another cause");
+        assert!(!same(MassChange, None, &[]), "not one of the best");
+        assert!(disagree(&best, &logs(None, None, &[])), "the logs show nothing");
+        assert!(!disagree(&[], &logs(None, None, &[])));
+        let not_asked = CauseInLogs { verdict: "not-asked".into(), ..logs(None, None, &[]) };
+        assert!(!disagree(&best, &not_asked), "logs that are gone say nothing");
     }
 }

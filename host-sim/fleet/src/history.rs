@@ -102,9 +102,12 @@ fn series(name: String, kind: Kind, unit: String, values: impl Iterator<Item = O
     Series { name, kind, unit, at, values }
 }
 
+const fn exact(value: f64) -> Option<Estimate> {
+    Some(Estimate { value, std_error: 0.0 })
+}
+
 /// Statistics that no model is behind: how the motors share the work, and how hard they work. They have no errors of their own.
 pub(crate) fn plain(rows: &[&Row], vehicle: &Vehicle) -> Vec<Series> {
-    let exact = |value: f64| Some(Estimate { value, std_error: 0.0 });
     let mut all: Vec<Series> = (0..4)
         .map(|motor| {
             let values = rows.iter().map(|row| exact(row.motor_shares[motor]));
@@ -128,7 +131,6 @@ pub(crate) fn plain(rows: &[&Row], vehicle: &Vehicle) -> Vec<Series> {
 
 /// Voltages, which are the battery's and not the craft's.
 pub(crate) fn voltages(rows: &[&Row]) -> Vec<Series> {
-    let exact = |value: f64| Some(Estimate { value, std_error: 0.0 });
     let of = |name: &str, value: fn(&Row) -> f64| {
         series(name.into(), Kind::Plain, "V".into(), rows.iter().map(|row| exact(value(row))))
     };

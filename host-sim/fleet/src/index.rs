@@ -6,15 +6,17 @@
 use std::collections::hash_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
-use table::{Table, Values};
+use table::{ParquetError, Table, Values};
 
 use crate::equations::{AxisEquations, Equations};
 use crate::error::FleetError;
 use crate::fit::axis_names;
 use crate::reference::Reference;
-use crate::row::{Row, State};
+use crate::row::Row;
+use crate::words::{of_word, word};
 
 /// Version of the schema: another one is read again from the logs.
 const VERSION: &str = "1";
@@ -62,12 +64,11 @@ impl List {
         }
     }
 
-    fn of(self, row: &mut Row, axis: usize) -> &mut Vec<f64> {
-        let own = &mut row.equations.axes[axis];
+    const fn of(self, own: &AxisEquations) -> &Arc<[f64]> {
         match self {
-            Self::Triangle => &mut own.triangle,
-            Self::Scores => &mut own.scores,
-            Self::Timing => &mut own.timing,
+            Self::Triangle => &own.triangle,
+            Self::Scores => &own.scores,
+            Self::Timing => &own.timing,
         }
     }
 }
@@ -76,13 +77,13 @@ impl List {
 pub(crate) type Places = HashMap<String, HashMap<String, usize>>;
 
 impl Index {
-    /// As a Parquet file: equal indexes give equal bytes. The lists are lent to the table meanwhile: there are many of them.
+    /// As a Parquet file, with more causes than its own: equal indexes give equal bytes.
     pub(crate) fn encode(
-        &mut self,
+        &self,
         references: &BTreeMap<String, Reference>,
-        path: &Path,
-    ) -> Result<Vec<u8>, FleetError> {
-        let mut table = self.plain_table();
+        more_causes: &BTreeMap<String, Value>,
+    ) -> Result<Vec<u8>, ParquetError> {
+        let mut table = self.plain_table(more_causes);
         for (axis, name) in axis_names().into_iter().enumerate() {
             let names = |row: &Row| {
                 let Some(reference) = references.get(&row.craft) else { return String::new() };
@@ -93,28 +94,22 @@ impl Index {
             let sigma = self.rows.iter().map(|row| row.equations.axes[axis].sigma).collect();
             table.push(format!("sigma_{name}"), Values::Real(sigma));
             for list in LISTS {
-                let taken = self.rows.iter_mut().map(|row| std::mem::take(list.of(row, axis))).collect();
-                table.push(format!("{}_{name}", list.name()), Values::Lists(taken));
+                let lists = self.rows.iter().map(|row| list.of(&row.equations.axes[axis]).clone()).collect();
+                table.push(format!("{}_{name}", list.name()), Values::Lists(lists));
             }
         }
-        let bytes = table.to_parquet().map_err(|why| FleetError::write(path, why));
-        for (axis, name) in axis_names().into_iter().enumerate() {
-            for list in LISTS {
-                let lists = table.take_lists(&format!("{}_{name}", list.name())).unwrap_or_default();
-                self.rows.iter_mut().zip(lists).for_each(|(row, own)| *list.of(row, axis) = own);
-            }
-        }
-        bytes
+        table.to_parquet()
     }
 
     /// The columns but for the equations'.
-    fn plain_table(&self) -> Table {
+    fn plain_table(&self, more_causes: &BTreeMap<String, Value>) -> Table {
         let rows = &self.rows;
         let text = |of: &dyn Fn(&Row) -> String| Values::Text(rows.iter().map(of).collect());
         let real = |of: &dyn Fn(&Row) -> f64| Values::Real(rows.iter().map(of).collect());
         let whole = |of: &dyn Fn(&Row) -> i64| Values::Whole(rows.iter().map(of).collect());
-        let lists = |of: &dyn Fn(&Row) -> Vec<f64>| Values::Lists(rows.iter().map(of).collect());
-        let mut table = Table { about: self.about(), ..Table::default() };
+        let lists =
+            |of: &dyn Fn(&Row) -> &[f64]| Values::Lists(rows.iter().map(|row| of(row).into()).collect());
+        let mut table = Table { about: self.about(more_causes), ..Table::default() };
         table.push("craft", text(&|row| row.craft.clone()));
         table.push("file", text(&|row| row.file.clone()));
         table.push("part", whole(&|row| row.part as i64));
@@ -123,16 +118,16 @@ impl Index {
         table.push("changed_ns", whole(&|row| row.changed_ns));
         table.push("sha256", text(&|row| row.sha256.clone()));
         table.push("context", text(&|row| row.context.clone()));
-        table.push("state", text(&|row| row.state.id().into()));
+        table.push("state", text(&|row| word(&row.state)));
         table.push("why", text(&|row| row.why.clone()));
         table.push("logged_unix_s", real(&|row| row.logged_unix_s.unwrap_or(f64::NAN)));
         table.push("airborne_s", real(&|row| row.airborne_s));
-        table.push("parts_s", lists(&|row| row.parts_s.clone()));
+        table.push("parts_s", lists(&|row| &row.parts_s));
         table.push("period_s", real(&|row| row.period_s));
         table.push("mean_v", real(&|row| row.mean_v));
         table.push("lowest_v", real(&|row| row.lowest_v));
         table.push("late_s", real(&|row| row.late_s));
-        table.push("motor_shares", lists(&|row| row.motor_shares.to_vec()));
+        table.push("motor_shares", lists(&|row| &row.motor_shares));
         table.push("mean_command", real(&|row| row.mean_command));
         table.push("faults", text(&|row| serde_json::to_string(&row.faults).unwrap_or_default()));
         table.push("rows", whole(&|row| row.equations.rows as i64));
@@ -140,7 +135,8 @@ impl Index {
         table
     }
 
-    fn about(&self) -> Vec<(String, String)> {
+    fn about(&self, more_causes: &BTreeMap<String, Value>) -> Vec<(String, String)> {
+        let causes: BTreeMap<&String, &Value> = self.causes.iter().chain(more_causes).collect();
         let units = json!({
             "bytes": "bytes", "changed_ns": "ns since 1970", "logged_unix_s": "s since 1970", "airborne_s": "s", "parts_s": "s",
             "period_s": "s", "mean_v": "V", "lowest_v": "V", "late_s": "s", "record_s": "s",
@@ -156,7 +152,7 @@ impl Index {
             ("version".into(), VERSION.into()),
             ("units".into(), units.to_string()),
             ("references".into(), serde_json::to_string(&self.references).unwrap_or_default()),
-            ("causes".into(), serde_json::to_string(&self.causes).unwrap_or_default()),
+            ("causes".into(), serde_json::to_string(&causes).unwrap_or_default()),
         ]
     }
 
@@ -180,10 +176,10 @@ impl Index {
             return Ok(None);
         }
         let damaged = || FleetError::content(path, "is damaged; remove it, and the flights are read again");
-        Self::of_table(table).map(Some).ok_or_else(damaged)
+        Self::of_table(&table).map(Some).ok_or_else(damaged)
     }
 
-    fn of_table(mut table: Table) -> Option<Self> {
+    fn of_table(table: &Table) -> Option<Self> {
         let references: BTreeMap<String, KeptReference> =
             serde_json::from_str(table.says("references")?).ok()?;
         let causes = serde_json::from_str(table.says("causes")?).ok()?;
@@ -194,9 +190,9 @@ impl Index {
             let named = columns.into_iter().flatten().enumerate().map(|(k, own)| (own.name(), k));
             places.insert(craft.clone(), named.collect());
         }
-        let mut rows = plain_rows(&table)?;
+        let mut rows = plain_rows(table)?;
         for (axis, name) in axis_names().into_iter().enumerate() {
-            let mut all = of_axis(&mut table, name, &rows, &places)?;
+            let mut all = of_axis(table, name, &rows, &places)?;
             for (row, own) in rows.iter_mut().zip(&mut all) {
                 row.equations.axes[axis] = std::mem::take(own);
             }
@@ -230,16 +226,16 @@ fn plain_rows(table: &Table) -> Option<Vec<Row>> {
                 changed_ns: changed_ns[k],
                 sha256: sha256[k].clone(),
                 context: context[k].clone(),
-                state: State::of_id(&state[k])?,
+                state: of_word(&state[k])?,
                 why: why[k].clone(),
                 logged_unix_s: Some(logged[k]).filter(|time| time.is_finite()),
                 airborne_s: airborne[k],
-                parts_s: parts[k].clone(),
+                parts_s: parts[k].to_vec(),
                 period_s: period[k],
                 mean_v: mean_v[k],
                 lowest_v: lowest_v[k],
                 late_s: late[k],
-                motor_shares: shares[k].clone().try_into().ok()?,
+                motor_shares: shares[k][..].try_into().ok()?,
                 mean_command: command[k],
                 faults: serde_json::from_str(&faults[k]).ok()?,
                 equations: Equations {
@@ -253,10 +249,9 @@ fn plain_rows(table: &Table) -> Option<Vec<Row>> {
 }
 
 /// The equations of all flights on an axis.
-fn of_axis(table: &mut Table, axis: &str, rows: &[Row], places: &Places) -> Option<Vec<AxisEquations>> {
-    let mut triangle = table.take_lists(&format!("triangle_{axis}"))?;
-    let mut scores = table.take_lists(&format!("scores_{axis}"))?;
-    let mut timing = table.take_lists(&format!("timing_{axis}"))?;
+fn of_axis(table: &Table, axis: &str, rows: &[Row], places: &Places) -> Option<Vec<AxisEquations>> {
+    let lists = |list: List| table.lists(&format!("{}_{axis}", list.name()));
+    let (triangle, scores, timing) = (lists(List::Triangle)?, lists(List::Scores)?, lists(List::Timing)?);
     let (names, sigma) = (table.text(&format!("columns_{axis}"))?, table.real(&format!("sigma_{axis}"))?);
     // Flights of a craft mostly have the same columns.
     let mut known: HashMap<(&str, &str), Vec<usize>> = HashMap::new();
@@ -272,9 +267,9 @@ fn of_axis(table: &mut Table, axis: &str, rows: &[Row], places: &Places) -> Opti
             };
             Some(AxisEquations {
                 parameters: parameters.clone(),
-                triangle: std::mem::take(&mut triangle[k]),
-                scores: std::mem::take(&mut scores[k]),
-                timing: std::mem::take(&mut timing[k]),
+                triangle: triangle[k].clone(),
+                scores: scores[k].clone(),
+                timing: timing[k].clone(),
                 sigma: sigma[k],
             })
         })

@@ -89,22 +89,15 @@ impl Craft {
         let path = folder.join(VEHICLE);
         let vehicle_bytes =
             std::fs::read(&path).map_err(|why| FleetError::Read { path: path.clone(), why })?;
-        let vehicle = Vehicle::read(&path).map_err(|why| without_path(&path, &why))?;
-        ColumnMap::of_vehicle(&vehicle, &path).map_err(|why| without_path(&path, &why))?;
+        let vehicle = Vehicle::read(&path).map_err(|why| FleetError::of_file(&path, &why))?;
+        ColumnMap::of_vehicle(&vehicle, &path).map_err(|why| FleetError::of_file(&path, &why))?;
         let path = folder.join(MODEL);
         let model = match path.is_file() {
-            true => Some((path.clone(), Model::read(&path).map_err(|why| without_path(&path, &why))?)),
+            true => Some((path.clone(), Model::read(&path).map_err(|why| FleetError::of_file(&path, &why))?)),
             false => None,
         };
         Ok(Self { name, vehicle, vehicle_bytes, model, files: files_below(folder, index)? })
     }
-}
-
-/// The sentence of an error that names the file itself.
-fn without_path(path: &Path, why: &dyn std::error::Error) -> FleetError {
-    let sentence = why.to_string();
-    let own = format!("{}: ", path.display());
-    FleetError::content(path, sentence.strip_prefix(&own).unwrap_or(&sentence))
 }
 
 /// What lies in a folder, in the order of the names, without what is hidden.

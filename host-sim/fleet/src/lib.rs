@@ -5,7 +5,7 @@
 //!    ([`equations`]), in one Parquet file. A pass that is stopped goes on where it was.
 //! 3. [`ask`] answers from that file: the model of each craft over time, what changed and when, what explains it ([`changes`]), craft
 //!    against craft, battery against battery, faults of loggers. Other effects, other flights: another question, and no log is read.
-//! 4. [`find_causes`] asks the logs before and after a change, once, as `quadlab diagnose --changed` does.
+//! 4. [`look_up_causes`] asks the logs before and after a change, once, as `quadlab diagnose --changed` does.
 #![forbid(unsafe_code)]
 
 mod answer;
@@ -29,8 +29,9 @@ mod settings;
 mod steps;
 mod tables;
 mod when;
+mod words;
 
-pub use answer::{Answered, CraftHistory, FlightOf, Question, ask, find_causes};
+pub use answer::{Answered, CraftHistory, FlightOf, Question, ask, look_up_causes};
 pub use cause::CauseInLogs;
 pub use compare::{BatteryComparison, BatteryDifference, CraftComparison, CraftDifference};
 pub use document::{Answer, AxisAnswer, CoefficientAnswer, CraftAnswer, FaultAnswer, Unused};

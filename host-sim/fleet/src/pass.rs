@@ -11,6 +11,7 @@ use std::time::UNIX_EPOCH;
 
 use diagnosis::workflow::{Observer, Progress, sha256};
 use rayon::prelude::*;
+use serde_json::Value;
 
 use crate::error::FleetError;
 use crate::index::{Index, KeptReference};
@@ -99,7 +100,7 @@ pub fn pass(
     index.rows = known.into_values().flatten().collect();
     index.rows.sort_by(|a, b| a.place().cmp(&b.place()));
     if changed || before != (index.rows.len(), index.references.clone()) || !path.exists() {
-        save(&mut index, &references, path)?;
+        save(&index, &references, &BTreeMap::new(), path)?;
     }
     let parts = parts_folder(path);
     if parts.exists() {
@@ -110,11 +111,12 @@ pub fn pass(
 
 /// Writes the index whole.
 pub(crate) fn save(
-    index: &mut Index,
+    index: &Index,
     references: &BTreeMap<String, Reference>,
+    more_causes: &BTreeMap<String, Value>,
     path: &Path,
 ) -> Result<(), FleetError> {
-    let bytes = index.encode(references, path)?;
+    let bytes = index.encode(references, more_causes).map_err(|why| FleetError::write(path, why))?;
     report::write_atomic(path, bytes).map_err(|why| FleetError::write(path, why))
 }
 
@@ -310,7 +312,7 @@ impl Reader<'_> {
         let names: Vec<String> =
             part.rows.iter().map(|row| format!("{}\n{}", row.craft, row.sha256)).collect();
         let name = &sha256(names.join("\n").as_bytes())[..16];
-        save(part, self.references, &folder.join(format!("{name}.parquet")))
+        save(part, self.references, &BTreeMap::new(), &folder.join(format!("{name}.parquet")))
     }
 
     /// The rows of a file: read, or those of the same content.

@@ -8,6 +8,7 @@ use model::Vehicle;
 use sysid::{Prepared, Reference as Clock, Severity};
 
 use crate::equations::Equations;
+use crate::error::{one_line, without_path};
 use crate::layout::READING;
 use crate::reference::Reference;
 use crate::row::{LoggerFault, Row, State};
@@ -31,7 +32,7 @@ pub(crate) fn rows(
 fn read(bytes: Vec<u8>, path: &Path, vehicle: &Vehicle, reference: Option<&Reference>) -> Vec<Row> {
     let (flights, import) = match LoadedFlight::all_of_bytes(bytes, path, vehicle, READING) {
         Ok(read) => read,
-        Err(why) => return vec![Row::without_flight(State::NotReadable, sentence(&why, path))],
+        Err(why) => return vec![Row::without_flight(State::NotReadable, without_path(path, &one_line(why)))],
     };
     let began = |part: usize| {
         let import = import.as_ref()?;
@@ -40,7 +41,7 @@ fn read(bytes: Vec<u8>, path: &Path, vehicle: &Vehicle, reference: Option<&Refer
     let row = |(part, flight): (usize, Result<LoadedFlight, WorkflowError>)| {
         let mut row = match flight {
             Ok(flight) => of_flight(flight, reference),
-            Err(why) => Row::without_flight(State::Refused, sentence(&why, path)),
+            Err(why) => Row::without_flight(State::Refused, without_path(path, &one_line(why))),
         };
         (row.part, row.logged_unix_s) = (part, began(part));
         row
@@ -48,23 +49,11 @@ fn read(bytes: Vec<u8>, path: &Path, vehicle: &Vehicle, reference: Option<&Refer
     flights.into_iter().enumerate().map(row).collect()
 }
 
-/// Why a file is not used, without its path, which the row has.
-fn sentence(why: &WorkflowError, path: &Path) -> String {
-    let sentence = report::error_line(&why.to_string());
-    let own = format!("{}: ", path.display());
-    sentence.strip_prefix(&own).map_or(sentence.clone(), str::to_owned)
-}
-
 fn of_flight(flight: LoadedFlight, reference: Option<&Reference>) -> Row {
     let LoadedFlight { mut prepared, faults, taken, .. } = flight;
     let kept = faults.iter().map(|fault| LoggerFault {
         kind: fault.kind.id().into(),
-        severity: match fault.severity {
-            Severity::Refused => "refused",
-            Severity::Warning => "warning",
-            Severity::Note => "note",
-        }
-        .into(),
+        severity: fault.severity,
         sentence: fault.sentence.clone(),
     });
     let refused = faults.iter().find(|fault| fault.severity == Severity::Refused);

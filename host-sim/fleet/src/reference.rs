@@ -13,7 +13,7 @@ use model::Model;
 use sysid::Severity;
 
 use crate::equations::{Columns, Parameter};
-use crate::error::FleetError;
+use crate::error::{FleetError, one_line};
 use crate::layout::{Craft, READING};
 
 /// Flights that a reference is identified from, and files that are tried for them.
@@ -60,8 +60,7 @@ impl Reference {
             let paths = [path.clone()];
             let Ok(read) = FlightsOfOneKind::read(&paths, &craft.vehicle, READING, &Silent) else { continue };
             let good = |flight: &LoadedFlight| {
-                flight.faults.iter().all(|fault| fault.severity != Severity::Refused)
-                    && flights.iter().all(|known| known.sha256 != flight.sha256)
+                is_good(flight) && flights.iter().all(|known| known.sha256 != flight.sha256)
             };
             let read: Vec<LoadedFlight> = read.flights.into_iter().filter(good).collect();
             flights.extend(read);
@@ -71,16 +70,20 @@ impl Reference {
         }
         let mut sets = sets_of(flights, craft)?;
         let found = identify(&craft.vehicle, &[], &mut sets, None, &Silent);
-        found.map(|found| found.model.to_toml()).map_err(|why| report::error_line(&why.to_string()))
+        found.map(|found| found.model.to_toml()).map_err(one_line)
     }
+}
+
+/// Whether conclusions from a flight are right.
+pub(crate) fn is_good(flight: &LoadedFlight) -> bool {
+    flight.faults.iter().all(|fault| fault.severity != Severity::Refused)
 }
 
 /// Flights to fit on and to judge by.
 pub(crate) fn sets_of(flights: Vec<LoadedFlight>, craft: &Craft) -> Result<FlightSets, String> {
-    let told = |why: diagnosis::workflow::WorkflowError| report::error_line(&why.to_string());
     if let [only] = &flights[..] {
         let paths = [only.path.clone()];
-        return FlightSets::split(&paths, &craft.vehicle, READING, &Silent).map_err(told);
+        return FlightSets::split(&paths, &craft.vehicle, READING, &Silent).map_err(one_line);
     }
     if flights.is_empty() {
         return Err("none of its flights can be used".into());
@@ -91,7 +94,7 @@ pub(crate) fn sets_of(flights: Vec<LoadedFlight>, craft: &Craft) -> Result<Fligh
     for (k, flight) in flights.into_iter().enumerate() {
         if is_held_out(k) { validate.push(flight) } else { train.push(flight) }
     }
-    FlightSets::from_loaded(train, validate, &craft.vehicle, READING).map_err(told)
+    FlightSets::from_loaded(train, validate, &craft.vehicle, READING).map_err(one_line)
 }
 
 /// What rows of a craft depend on beside their file.

@@ -2,10 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
+use sysid::Severity;
+
 use crate::equations::Equations;
 
 /// What became of a flight.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, schemars::JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum State {
     /// It is fitted.
@@ -23,8 +25,8 @@ pub enum State {
 pub struct LoggerFault {
     /// Its kind, such as "clock-offset".
     pub kind: String,
-    /// "refused", "warning" or "note".
-    pub severity: String,
+    /// What is done about it.
+    pub severity: Severity,
     /// What was found.
     pub sentence: String,
 }
@@ -113,22 +115,5 @@ impl Row {
     /// The path that flights are told apart by: with the number of the flight, where a log has several.
     pub fn label(&self) -> String {
         if self.part == 0 { self.file.clone() } else { format!("{}#{}", self.file, self.part + 1) }
-    }
-}
-
-impl State {
-    /// The word for it in tables.
-    pub const fn id(self) -> &'static str {
-        match self {
-            Self::Used => "used",
-            Self::Refused => "refused",
-            Self::NotReadable => "not-readable",
-            Self::NoModel => "no-model",
-        }
-    }
-
-    /// What a word stands for.
-    pub(crate) fn of_id(id: &str) -> Option<Self> {
-        [Self::Used, Self::Refused, Self::NotReadable, Self::NoModel].into_iter().find(|own| own.id() == id)
     }
 }

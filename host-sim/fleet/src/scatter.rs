@@ -49,11 +49,13 @@ pub(crate) fn between_variance(groups: &[&[Estimate]]) -> f64 {
 /// Variance of values that are as good as exact: they are still summed.
 const SMALLEST: f64 = 1e-200;
 
-fn weight(estimate: &Estimate, variance: f64) -> f64 {
+/// Weight of a value under a variance between flights.
+pub(crate) fn weight(estimate: &Estimate, variance: f64) -> f64 {
     1.0 / (estimate.std_error * estimate.std_error + variance).max(SMALLEST)
 }
 
-fn weighted(group: &[Estimate], variance: f64) -> (f64, f64) {
+/// Weighted mean, and the sum of the weights.
+pub(crate) fn weighted(group: &[Estimate], variance: f64) -> (f64, f64) {
     let (sum, all) = group.iter().fold((0.0, 0.0), |(sum, all), estimate| {
         let weight = weight(estimate, variance);
         (sum + weight * estimate.value, all + weight)

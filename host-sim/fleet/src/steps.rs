@@ -9,7 +9,7 @@
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::fit::Estimate;
-use crate::scatter::{Mean, between_variance, mean_under};
+use crate::scatter::{Mean, between_variance, mean_under, weight};
 
 /// Largest chance that anything is said to have changed in a fleet where nothing has.
 pub const SIGNIFICANCE: f64 = 0.01;
@@ -130,10 +130,8 @@ fn neighbours_variance(series: &[Estimate]) -> f64 {
 fn inflation(sides: &[(&[Estimate], Mean)], variance: f64) -> f64 {
     let (mut products, mut squares) = (0.0, 0.0);
     for (side, mean) in sides {
-        let scaled: Vec<f64> = side
-            .iter()
-            .map(|e| (e.value - mean.value) / (e.std_error.powi(2) + variance).max(f64::MIN_POSITIVE).sqrt())
-            .collect();
+        let scaled: Vec<f64> =
+            side.iter().map(|e| (e.value - mean.value) * weight(e, variance).sqrt()).collect();
         squares += scaled.iter().map(|r| r * r).sum::<f64>();
         products += scaled.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
     }
@@ -156,7 +154,7 @@ impl Scan {
         let (mut sums, mut squares) = (vec![[0.0; 5]], 0.0);
         let mut total = [0.0; 5];
         for (k, estimate) in series.iter().enumerate() {
-            let weight = 1.0 / (estimate.std_error.powi(2) + variance).max(1e-300);
+            let weight = weight(estimate, variance);
             let (y, x) = (estimate.value - mean, k as f64);
             for (sum, more) in total.iter_mut().zip([1.0, y, x, x * x, x * y]) {
                 *sum += weight * more;

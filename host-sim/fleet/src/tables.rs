@@ -5,6 +5,7 @@ use table::{Table, Values};
 use crate::answer::Answered;
 use crate::history::Kind;
 use crate::row::Row;
+use crate::words::word;
 
 /// Tables by their names: "flights", "histories", "changes".
 pub fn tables(answered: &Answered<'_>) -> Vec<(&'static str, Table)> {
@@ -23,10 +24,7 @@ fn flights(answered: &Answered<'_>) -> Table {
     table.push("craft", Values::Text(all.iter().map(|(craft, _)| (*craft).to_owned()).collect()));
     table.push("flight", Values::Text(all.iter().map(|(_, flight)| flight.row.label()).collect()));
     table.push("date", Values::Text(all.iter().map(|(_, flight)| flight.when.to_string()).collect()));
-    table.push(
-        "date_from",
-        Values::Text(all.iter().map(|(_, flight)| flight.when.from.id().into()).collect()),
-    );
+    table.push("date_from", Values::Text(all.iter().map(|(_, flight)| word(&flight.when.from)).collect()));
     table.push("unix_s", Values::Real(all.iter().map(|(_, flight)| flight.when.unix_s).collect()));
     let battery =
         |(_, flight): &(&str, &crate::answer::FlightOf<'_>)| flight.battery.clone().unwrap_or_default();
@@ -59,7 +57,7 @@ fn histories(answered: &Answered<'_>) -> Table {
                 flight.push(own.flights[*at].row.label());
                 date.push(own.flights[*at].when.to_string());
                 name.push(series.name.clone());
-                kind.push(kind_name(series.kind).to_owned());
+                kind.push(word(&series.kind));
                 unit.push(series.unit.clone());
                 value.push(estimate.value);
                 std_error.push(if series.kind == Kind::Plain { f64::NAN } else { estimate.std_error });
@@ -80,14 +78,6 @@ fn histories(answered: &Answered<'_>) -> Table {
     table.push("value", Values::Real(value));
     table.push("std_error", Values::Real(std_error));
     table
-}
-
-const fn kind_name(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Coefficient => "coefficient",
-        Kind::Change => "change",
-        Kind::Plain => "plain",
-    }
 }
 
 fn changes(answered: &Answered<'_>) -> Table {

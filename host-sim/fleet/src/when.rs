@@ -50,18 +50,6 @@ pub fn day_and_time(unix_s: f64) -> String {
         .map_or_else(|_| "unknown".into(), |at| format!("{} {:02}:{:02}", at.date(), at.hour(), at.minute()))
 }
 
-impl WhenFrom {
-    /// The word for it in tables.
-    pub const fn id(self) -> &'static str {
-        match self {
-            Self::Settings => "settings",
-            Self::Log => "log",
-            Self::Name => "name",
-            Self::File => "file",
-        }
-    }
-}
-
 /// Seconds from 1970 to 2100: what is beyond is no date of a flight.
 const DATES_S: std::ops::Range<f64> = 1e8..4.1e9;
 /// GPS time is counted from 6 January 1980, and has been 18 s ahead of UTC since 2017.

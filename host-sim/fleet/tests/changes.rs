@@ -4,7 +4,7 @@ mod common;
 
 use common::{asked, craft, flight, truth, updated};
 use diagnosis::workflow::Silent;
-use fleet::{Answer, PassOptions, Question, find_causes};
+use fleet::{Answer, PassOptions, Question, ask, look_up_causes};
 use model::{Effect, Model};
 
 /// A craft that flies 20 times, from flight `at` on as `after` says.
@@ -61,18 +61,22 @@ fn the_logs_are_asked_once_for_the_cause() {
     for day in 1..=10 {
         flight(&folder, if day < 6 { &unchanged } else { &heavier }, day, day, 10.0);
     }
-    let (fleet, mut indexed) = updated(root.path(), PassOptions::default(), &Silent);
+    let (fleet, indexed) = updated(root.path(), PassOptions::default(), &Silent);
     let question = Question { causes: true, ..Question::default() };
     let path = common::index(root.path());
-    find_causes(&fleet, &mut indexed, &path, &question, &Silent).unwrap();
-    let answer = asked(&fleet, &indexed, &question);
-    let logs = answer.crafts[0].changes[0].in_logs.clone().unwrap();
+    let mut answered = ask(&fleet, &indexed, &question).unwrap();
+    look_up_causes(&mut answered, &fleet, &indexed, &path, &Silent).unwrap();
+    let event = answered.answer.crafts[0].changes[0].clone();
+    let logs = event.in_logs.as_ref().unwrap();
     assert_eq!(logs.effect.as_deref(), Some("mass-change"), "{}", logs.summary);
-    // The logs may go: the answer stays.
+    assert!(!event.causes_disagree, "{event:#?}");
+    // The logs may go: the answer stays, and nothing is looked up.
     for day in 1..=10 {
         std::fs::remove_file(folder.join(format!("2026-03-{day:02}.csv"))).unwrap();
     }
-    let (fleet, mut indexed) = updated(root.path(), PassOptions::default(), &Silent);
-    find_causes(&fleet, &mut indexed, &path, &question, &Silent).unwrap();
-    assert_eq!(asked(&fleet, &indexed, &question).crafts[0].changes[0].in_logs, Some(logs));
+    let (fleet, indexed) = updated(root.path(), PassOptions::default(), &Silent);
+    let mut answered = ask(&fleet, &indexed, &question).unwrap();
+    assert_eq!(answered.answer.crafts[0].changes[0], event);
+    look_up_causes(&mut answered, &fleet, &indexed, &path, &Silent).unwrap();
+    assert_eq!(answered.answer.crafts[0].changes, [event]);
 }

@@ -28,8 +28,8 @@ pub enum Values {
     Flag(Vec<bool>),
     /// Words.
     Text(Vec<String>),
-    /// Real numbers, any number of them in a row.
-    Lists(Vec<Vec<f64>>),
+    /// Real numbers, any number of them in a row; shared, as they may be many.
+    Lists(Vec<Arc<[f64]>>),
 }
 
 /// A column with its name, which ends with the unit.
@@ -139,17 +139,9 @@ impl Table {
     }
 
     /// A column of lists by its name.
-    pub fn lists(&self, name: &str) -> Option<&[Vec<f64>]> {
+    pub fn lists(&self, name: &str) -> Option<&[Arc<[f64]>]> {
         match &self.column(name)?.values {
             Values::Lists(values) => Some(values),
-            _ => None,
-        }
-    }
-
-    /// Takes the lists out of a column by its name.
-    pub fn take_lists(&mut self, name: &str) -> Option<Vec<Vec<f64>>> {
-        match &mut self.columns.iter_mut().find(|column| column.name == name)?.values {
-            Values::Lists(values) => Some(std::mem::take(values)),
             _ => None,
         }
     }
@@ -336,7 +328,7 @@ fn lists(reader: ColumnReader, count: usize) -> Result<Values, ParquetError> {
     if lists.len() != count {
         return Err(ParquetError::General("a column ends early".into()));
     }
-    Ok(Values::Lists(lists))
+    Ok(Values::Lists(lists.into_iter().map(Arc::from).collect()))
 }
 
 /// The values of a column of a row group.
@@ -386,7 +378,7 @@ mod tests {
         table.push("why", Values::Text((0..500).map(|k| format!("reason {}", k % 3)).collect()));
         table.push(
             "triangle",
-            Values::Lists((0..500).map(|k| vec![f64::from(k) / 3.0; (k % 4) as usize]).collect()),
+            Values::Lists((0..500).map(|k| vec![f64::from(k) / 3.0; (k % 4) as usize].into()).collect()),
         );
         table
     }
@@ -419,7 +411,7 @@ mod tests {
         let mut table = Table::default();
         table.push("t_s", Values::Real(vec![0.03, f64::NAN, -1e-300]));
         table.push("why, or why not", Values::Text(vec!["a".into(), "b \"c\"".into(), "d,e".into()]));
-        table.push("r", Values::Lists(vec![vec![1.5, -2.0], Vec::new(), vec![0.1]]));
+        table.push("r", Values::Lists(vec![[1.5, -2.0].into(), [].into(), [0.1].into()]));
         let csv = table.to_csv();
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines[0], "t_s,\"why, or why not\",r");

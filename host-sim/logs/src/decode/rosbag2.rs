@@ -23,8 +23,10 @@ use crate::log::Log;
 const HEADER_BYTES: usize = 100;
 /// First bytes of messages that the recorder compressed, each by itself.
 const ZSTANDARD: &[u8] = b"\x28\xb5\x2f\xfd";
-/// How often reading goes on behind rows that cannot be read.
-const MOST_RESTARTS: usize = 100;
+/// Bytes of a bag for which reading goes on once behind rows that cannot be read, and the bounds of how often it does: a row that claims
+/// to have gigabytes takes sqlite some 20 ms.
+const RESTART_BYTES: usize = 1000;
+const RESTARTS: [usize; 2] = [10, 60];
 /// Characters of a message of sqlite's.
 const LONGEST_MESSAGE: usize = 120;
 /// Steps of sqlite's machine between two looks at how many there were.
@@ -49,6 +51,7 @@ pub(crate) fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
         topics: Topics::new(bytes.len()),
         by_id: HashMap::new(),
         budget: Budget::for_decompression(bytes.len()),
+        restarts: (bytes.len() / RESTART_BYTES).clamp(RESTARTS[0], RESTARTS[1]),
         lost_messages: 0,
     };
     bag.read_topics(&database).map_err(refuse)?;
@@ -112,6 +115,8 @@ struct Bag {
     /// Topic by its id in the bag.
     by_id: HashMap<i64, usize>,
     budget: Budget,
+    /// How often reading goes on behind rows that cannot be read.
+    restarts: usize,
     lost_messages: usize,
 }
 
@@ -165,7 +170,7 @@ impl Bag {
                 Err(_) => {}
             }
             restarts += 1;
-            if restarts > MOST_RESTARTS {
+            if restarts > self.restarts {
                 faults.say(format!("reading was given up behind message {}", last.max(0)));
                 break;
             }

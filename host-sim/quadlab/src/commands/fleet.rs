@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use fleet::{Answered, Fleet, PassOptions, Question, ask, find_causes, pass, tables};
+use fleet::{Answered, Fleet, PassOptions, Question, ask, look_up_causes, pass, tables};
 use model::Effect;
 
 use crate::cli::colour;
@@ -95,9 +95,11 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     let terminal = Terminal::new(options.output.json);
     let fleet = Fleet::find(&options.folder, &index)?;
     let how = PassOptions { verify: options.verify, refresh: options.refresh, forget: options.forget };
-    let mut indexed = pass(&fleet, &index, how, &terminal)?;
-    find_causes(&fleet, &mut indexed, &index, &question, &terminal)?;
-    let answered = ask(&fleet, &indexed, &question)?;
+    let indexed = pass(&fleet, &index, how, &terminal)?;
+    let mut answered = ask(&fleet, &indexed, &question)?;
+    if question.looks_up_causes() {
+        look_up_causes(&mut answered, &fleet, &indexed, &index, &terminal)?;
+    }
     terminal.clear();
     if let Some(out) = &options.out {
         write_tables(&answered, out)?;

@@ -8,6 +8,7 @@ use fleet::{
 };
 use report::number::{p_value, with_error};
 use report::{Page, Section, significant};
+use sysid::Severity;
 
 use crate::render::fleet_figures::{histories, timeline};
 use crate::render::grid::{Grid, number, paragraph, text};
@@ -132,7 +133,7 @@ fn explained(event: &Event) -> String {
         None => "no known change explains it".into(),
     };
     match &event.in_logs {
-        Some(logs) if logs.verdict == "not-asked" => {
+        Some(logs) if !logs.is_answer() => {
             format!("{kept}; the logs were not asked: {}", logs.summary)
         }
         Some(logs) => {
@@ -140,7 +141,12 @@ fn explained(event: &Event) -> String {
             let motor = logs.motor.map(|motor| format!(" of motor {motor}")).unwrap_or_default();
             let others = logs.confounded_with.join(", ");
             let besides = if others.is_empty() { String::new() } else { format!(" (or {others})") };
-            format!("{kept}; diagnose --changed says {effect}{motor}{besides}")
+            let warning = if event.causes_disagree {
+                ", so that the cause is uncertain: look at both, and at what was done to the craft then"
+            } else {
+                ""
+            };
+            format!("{kept}; diagnose --changed says {effect}{motor}{besides}{warning}")
         }
         None => kept,
     }
@@ -401,7 +407,7 @@ fn faults(answer: &Answer) -> Grid {
         ],
     );
     for craft in &answer.crafts {
-        for own in craft.faults.iter().filter(|own| own.severity != "note") {
+        for own in craft.faults.iter().filter(|own| own.severity != Severity::Note) {
             let [flights, of] = own.flights.map(|count| count.to_string());
             let [first, last] = own.span.each_ref().map(|moment| moment.flight.clone());
             let sentence = own.sentence.clone();

@@ -105,22 +105,39 @@ impl SimulatedCraft {
     #[inline]
     pub fn advance(&mut self, pwm: &[f32; 4], voltage_v: f64) {
         let before = self.has_formulas.then_some(self.state);
-        let (holds, around) = self.begin_tick(pwm, voltage_v);
-        for hold in holds.iter().flatten() {
-            self.plant.step(&mut self.state, &hold.commanded_rad_s, around, &hold.substeps);
+        let command = pwm.map(f64::from);
+        let around = self.enter_tick(voltage_v);
+        match &mut self.dead_time {
+            None => {
+                let commanded = self.plant.commanded_rad_s(&command, around.battery_v);
+                self.plant.step(&mut self.state, &commanded, around, &self.substeps);
+            }
+            Some(line) => line.step(&self.plant, &mut self.state, &command, &around),
         }
         self.end_tick();
         if let Some(before) = before.filter(|_| !self.state.is_finite()) {
-            let commanded = self.plant.commanded_rad_s(&pwm.map(f64::from), around.battery_v);
+            let commanded = self.plant.commanded_rad_s(&command, around.battery_v);
             self.fault = self.plant.undefined_in_step(&before, &commanded, around, &self.substeps);
         }
     }
 
-    /// What the rotors are commanded over a tick with these motor commands, and what surrounds the craft in it. The craft goes on with
-    /// the air, if that moves, until [`Self::end_tick`].
+    /// Begins a tick whose steps somebody else takes: what the rotors are commanded in it. [`Self::end_tick`] ends it.
     #[inline]
-    pub(super) fn begin_tick(&mut self, pwm: &[f32; 4], voltage_v: f64) -> (Holds, Surroundings) {
+    pub(super) fn begin_tick(&mut self, pwm: &[f32; 4], voltage_v: f64) -> Holds {
         let command = pwm.map(f64::from);
+        let battery_v = self.enter_tick(voltage_v).battery_v;
+        match &mut self.dead_time {
+            None => {
+                let commanded_rad_s = self.plant.commanded_rad_s(&command, battery_v);
+                [Some(Hold { commanded_rad_s, substeps: self.substeps }), None]
+            }
+            Some(line) => line.holds(&self.plant, &command, battery_v),
+        }
+    }
+
+    /// What surrounds the craft over the tick that begins. It goes on with the air, if that moves, until [`Self::end_tick`].
+    #[inline]
+    fn enter_tick(&mut self, voltage_v: f64) -> Surroundings {
         // The battery acts on the motors all the time: over the tick, the voltage in its middle.
         // Held as it was at the start, a sag would come half a tick late.
         let middle_v = voltage_v + 0.5 * (voltage_v - self.last_v);
@@ -129,14 +146,7 @@ impl SimulatedCraft {
         if let Some(gusts) = &mut self.gusts {
             gusts.enter(&mut self.state);
         }
-        let holds = match &mut self.dead_time {
-            None => {
-                let commanded_rad_s = self.plant.commanded_rad_s(&command, middle_v);
-                [Some(Hold { commanded_rad_s, substeps: self.substeps }), None]
-            }
-            Some(line) => line.holds(&self.plant, &command, middle_v),
-        };
-        (holds, around)
+        around
     }
 
     /// What comes after the steps of a tick.

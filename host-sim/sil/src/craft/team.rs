@@ -33,7 +33,7 @@ impl Team {
         pwm: &[f32; 4],
         voltage_v: f64,
     ) {
-        let (holds, _) = craft.begin_tick(pwm, voltage_v);
+        let holds = craft.begin_tick(pwm, voltage_v);
         self.abreast.put(lane, &craft.state, holds);
     }
 

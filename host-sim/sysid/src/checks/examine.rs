@@ -9,7 +9,7 @@ use std::borrow::Cow;
 
 use model::Vehicle;
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::checks::airborne::{self, Airborne, LeftOut};
 use crate::checks::clocks::{self, Clock, Clocks};
@@ -133,7 +133,7 @@ impl JsonSchema for FaultKind {
 }
 
 /// What is done about a fault.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Severity {
     /// Taken care of; for the record.
