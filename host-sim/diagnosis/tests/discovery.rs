@@ -129,7 +129,12 @@ fn what_depends_on_the_last_second_is_found_with_its_time() {
     let best = &discovery.proposals[0];
     let memory = &best.definition.constant[0];
     assert_eq!(best.formula, format!("w: k * lag(w, {}) / mass", memory.value));
-    assert!((0.3..=0.6).contains(&memory.value) && memory.unit == "s", "{memory:?}");
+    assert!((0.3..=0.5).contains(&memory.value) && memory.unit == "s", "{memory:?}");
+    let [estimated] = &best.constants[..] else { panic!("{:?}", best.constants) };
+    assert_eq!((estimated.name.as_str(), estimated.unit.as_str()), ("memory", "s"));
+    assert_eq!(estimated.value, memory.value);
+    let off = (estimated.value - 0.4).abs();
+    assert!(off < 4.0 * estimated.std_error && estimated.std_error < 0.1, "{estimated:?}");
     assert!(best.sentence.contains(", averaged over the last 0."), "{}", best.sentence);
     // It joins a model like any other.
     let with = discovery.model.effects();
@@ -185,17 +190,28 @@ fn after_waiting(flight: &Flight, wait_s: f64) -> Flight {
     Flight::from_columns(flight.name.clone(), columns.into_iter().filter_map(column))
 }
 
-/// A jet across the room at an angle.
-#[test]
-fn a_jet_across_the_room_is_found_along_its_own_line() {
-    let text = "[[effect]]\nid = \"across\"\nacceleration.north = \"k * exp(-((0.8 * north - 0.6 * east - at) / wide)^2 / 2) / mass\"\n\
+/// A jet across the room, along a line at atan(0.6 / 0.8) to the west of north.
+const ACROSS: &str = "[[effect]]\nid = \"across\"\nacceleration.north = \"k * exp(-((0.8 * north - 0.6 * east - at) / wide)^2 / 2) / mass\"\n\
                 coefficient = [{name = \"k\", unit = \"N\", possible = [-9.0, 9.0], typical = 0.5}]\nconstant = \
                 [{name = \"at\", unit = \"m\", value = 0.1}, {name = \"wide\", unit = \"m\", value = 0.3}]\n";
-    let discovery = discovered(&world(text, &[0.6]));
+
+#[test]
+fn a_jet_across_the_room_is_found_along_its_own_line() {
+    let discovery = discovered(&world(ACROSS, &[0.6]));
     let best = &discovery.proposals[0];
     assert_eq!(best.quantities, ["east", "north"], "{}", best.formula);
     assert!(best.share_of_structure_percent > 90.0, "{best:?}");
     assert!(best.sentence.contains("position along a bearing of "), "{}", best.sentence);
+    // From north to east: the direction of 0.8 north and -0.6 east, or the one against it.
+    let [bearing] = &best.constants[..] else { panic!("{:?}", best.constants) };
+    let off = off_line_deg(bearing.value);
+    assert_eq!((bearing.name.as_str(), bearing.unit.as_str()), ("bearing", "deg"));
+    assert!(off.abs() < 4.0 * bearing.std_error && bearing.std_error < 3.0, "{bearing:?}");
+}
+
+/// How far a bearing is from the line of [`ACROSS`], degrees: opposite ones are the same line.
+fn off_line_deg(degrees: f64) -> f64 {
+    (degrees + 0.6_f64.atan2(0.8).to_degrees() + 90.0).rem_euclid(180.0) - 90.0
 }
 
 /// A magnet on the floor pulls towards one point: no force along an axis does the same, and the point is found with its error.
@@ -230,6 +246,29 @@ fn nothing_is_proposed_where_nothing_is_hidden() {
     let discovery = discovered(&truth());
     assert!(discovery.proposals.is_empty(), "{:?}", discovery.proposals[0].formula);
     assert_eq!(discovery.verdict, DiscoveryVerdict::Nothing);
+}
+
+/// With a flight less than a form can be tested on, the answer is what is missing; with as many as it takes, a formula.
+#[test]
+fn a_formula_takes_two_flights_to_fit_on_and_one_to_judge_by() {
+    prepare_to_discover();
+    let text = "[[effect]]\nid = \"turning\"\nacceleration.r = \"k * w\"\ncoefficient = [{ name = \"k\", unit = \"1/(s m)\", \
+                possible = [-9.0, 9.0], typical = 0.5 }]\n";
+    let world = world(text, &[1.0]);
+    let flown: Vec<Flight> = (1..5).map(|seed| fly(&world, seed, 15.0, &ORDINARY)).collect();
+    let vehicle = truth().vehicle;
+    let discovered = |train: &[Flight], held_out: &[Flight]| {
+        let mut sets =
+            FlightSets::from_flights(train, held_out, &vehicle, Reading::default(), &Silent).unwrap();
+        let model = sysid::fit(&sets.train(), &vehicle, &truth().effects(), None).unwrap().model;
+        discover(&model, &[], &mut sets, &Options::default(), &Silent)
+    };
+    let refused = discovered(&flown[..1], &flown[3..]).unwrap_err().to_string();
+    assert!(refused.contains("at least two training flights and one held-out flight"), "{refused}");
+    for train in [2, 3] {
+        let discovery = discovered(&flown[..train], &flown[3..]).unwrap();
+        assert_eq!(discovery.proposals[0].formula, "r: k * w", "{train} flights to fit on");
+    }
 }
 
 /// A known effect comes first, under its own name.
@@ -514,4 +553,35 @@ fn most_hidden_forms_are_found_and_nothing_where_nothing_is() {
     assert!(10 * right >= 8 * all, "80 % of what is left is taken in {right} of {all}");
     assert!(10 * named >= 9 * all, "the quantities are right in {named} of {all}");
     assert_eq!(proposed, 0, "of 20 in which nothing is hidden");
+}
+
+/// Of many draws of noise, the intervals of 95 % about a bearing and the time of a lag have the true value in them about as often as they
+/// say.
+#[test]
+#[ignore = "minutes: part `forms` of the night"]
+fn intervals_of_bearings_and_times_of_lags_cover_them() {
+    const DRAWS: u64 = 60;
+    const TIME_S: f64 = 0.33;
+    let lagging = "[[effect]]\nid = \"wake\"\nacceleration.w = \"k * lag(w, memory)\"\ncoefficient = [{ name = \"k\", unit = \"1/s\", \
+                   possible = [-9.0, 9.0], typical = 0.5}]\nconstant = [{ name = \"memory\", unit = \"s\", value = 0.33 }]\n";
+    for (text, name) in [(ACROSS, "bearing"), (lagging, "memory")] {
+        let hidden = world(text, &[0.6]);
+        let (mut told, mut covered, mut squares) = (0, 0, 0.0);
+        for draw in 0..DRAWS {
+            let discovery = discovered_of(&hidden, 1000 + 5 * draw);
+            let Some(best) = discovery.proposals.first() else { continue };
+            let [own] = &best.constants[..] else { continue };
+            let off = if name == "bearing" { off_line_deg(own.value) } else { own.value - TIME_S };
+            println!("{name} {} +- {}: off by {:.2} of it", own.value, own.std_error, off / own.std_error);
+            told += u64::from(own.name == name);
+            covered += u64::from(own.name == name && off.abs() < 1.96 * own.std_error);
+            squares += (off / own.std_error).powi(2);
+        }
+        println!("{name}: {covered} of {told} intervals of 95 % cover it, of {DRAWS} draws");
+        assert!(10 * told >= 9 * DRAWS, "{name} is told in {told} of {DRAWS}");
+        assert!(100 * covered >= 85 * told, "{name}: {covered} of {told}");
+        // Nor are they too wide: of 60 normal deviates the root mean square is between 0.75 and 1.25 in 99 cases of 100.
+        let root_mean_square = (squares / told as f64).sqrt();
+        assert!((0.75..1.25).contains(&root_mean_square), "{name}: {root_mean_square} standard errors off");
+    }
 }

@@ -1,7 +1,7 @@
 //! What a craft or its air remembers at one instant: values of the lags that formulas look back at (`lags.rs`).
 
 /// Most lags in one model.
-pub const MAX_LAGS: usize = 12;
+pub const MAX_LAGS: usize = 16;
 /// No lag.
 const NONE: u16 = u16::MAX;
 

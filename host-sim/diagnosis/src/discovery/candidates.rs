@@ -7,6 +7,7 @@ use sysid::prepare::Prepared;
 use crate::discovery::against::Against;
 use crate::discovery::center::{Center, Flown};
 use crate::discovery::channels::Channel;
+use crate::discovery::chosen::Grid;
 use crate::discovery::form::Form;
 use crate::discovery::hats::{Bases, InRoom, Quantities};
 use crate::discovery::phases::{chance_of, of_random_phases};
@@ -35,8 +36,11 @@ const REFINED: usize = 8;
 const WORTHWHILE: f64 = 0.5;
 /// Variables between two words of progress.
 const SIDE_BY_SIDE: usize = 8;
-/// Forms that are tried over relatives of their variables.
+/// Forms that are tried over relatives of their variables, ...
 const TUNED: usize = 3;
+/// ... besides any simpler one that is worth this part of the best: what it lacks may be a finer bearing, where others bend a second
+/// shape for it.
+const SIMPLER: f64 = 0.9;
 /// Nearest relatives of a variable that a form is tried over, ...
 const NEAREST: usize = 2;
 /// ... so many times from where it got.
@@ -106,7 +110,9 @@ pub(crate) fn candidates(
     let worth = |one: &Refined| one.gain_left_out - cost(one.form.count(variables), problem.rows);
     let best_first = |one: &Refined, other: &Refined| worth(other).total_cmp(&worth(one));
     refined.sort_by(best_first);
-    refined.par_iter_mut().take(TUNED).for_each(|one| tune(&problem, one, variables));
+    let tuned = to_be_tuned(&refined, variables);
+    let wanted = refined.par_iter_mut().zip(tuned).filter(|(_, is_tuned)| *is_tuned);
+    wanted.for_each(|(one, _)| tune(&problem, one, variables));
     refined.sort_by(best_first);
     Candidates { refined, p_value }
 }
@@ -167,19 +173,34 @@ impl Search<'_> {
     }
 }
 
-/// Goes over to relatives of the variables of a form as long as it is worth more with them.
+/// Which of the forms, best first, are tried over relatives of their variables.
+fn to_be_tuned(refined: &[Refined], variables: &[Variable]) -> Vec<bool> {
+    let best = refined.first().map_or(0.0, |best| best.gain_left_out);
+    let mut simplest = usize::MAX;
+    let is_tuned = |(place, one): (usize, &Refined)| {
+        let numbers = one.form.count(variables);
+        let is_simpler = numbers < simplest && one.gain_left_out >= SIMPLER * best;
+        simplest = simplest.min(numbers);
+        place < TUNED || is_simpler
+    };
+    refined.iter().enumerate().map(is_tuned).collect()
+}
+
+/// Goes over to relatives of the variables of a form as long as it is worth more with them, the rough ones first.
 fn tune(problem: &Problem<'_>, best: &mut Refined, variables: &[Variable]) {
-    for index in 0..best.form.factors.len() {
-        for _ in 0..STEPS_AMONG_RELATIVES {
-            let relatives = variables[best.form.factors[index].variable].relatives(variables);
-            let nearest = relatives.into_iter().take(NEAREST).filter_map(|variable| {
-                let mut form = best.form.clone();
-                form.factors[index].variable = variable;
-                refine(problem, &form, variables)
-            });
-            match nearest.max_by(|one, other| one.gain_left_out.total_cmp(&other.gain_left_out)) {
-                Some(better) if better.gain_left_out > best.gain_left_out => *best = better,
-                _ => break,
+    for grid in [Grid::Rough, Grid::Fine] {
+        for index in 0..best.form.factors.len() {
+            for _ in 0..STEPS_AMONG_RELATIVES {
+                let relatives = variables[best.form.factors[index].variable].relatives(variables, grid);
+                let nearest = relatives.into_iter().take(NEAREST).filter_map(|variable| {
+                    let mut form = best.form.clone();
+                    form.factors[index].variable = variable;
+                    refine(problem, &form, variables)
+                });
+                match nearest.max_by(|one, other| one.gain_left_out.total_cmp(&other.gain_left_out)) {
+                    Some(better) if better.gain_left_out > best.gain_left_out => *best = better,
+                    _ => break,
+                }
             }
         }
     }

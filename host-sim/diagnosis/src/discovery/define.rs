@@ -1,9 +1,11 @@
 //! A form as an effect of a user: formulas with units, coefficients with where they may lie.
 
 use std::collections::BTreeMap;
+use std::f64::consts::FRAC_PI_2;
 
 use model::user_effects::{CoefficientDefinition, ColumnDefinition, ConstantDefinition, Definition};
 
+use crate::discovery::chosen::{Chosen, Spelling};
 use crate::discovery::form::{Factor, Form, Parameter};
 use crate::discovery::refine::Refined;
 use crate::discovery::shapes::Role;
@@ -12,92 +14,184 @@ use crate::discovery::variables::Variable;
 /// An amplitude may be so many times what was found.
 const AMPLITUDE_REACH: f64 = 20.0;
 
+/// How much longer the second lag is that stands for the slope of the first over its time.
+const LONGER: f64 = 1.1;
+/// A time of a lag may be so many times what was found.
+const LAG_REACH: f64 = 5.0;
+
 /// Forms that act together, as one effect, and the values that were found of its coefficients.
 pub(crate) struct Defined {
     pub(crate) definition: Definition,
     /// In the order of its coefficients.
     pub(crate) values: Vec<f64>,
+    /// Their units for people: of commands where these stand in for rotor speeds.
+    pub(crate) units: Vec<String>,
+    /// The bearings and the times of lags among its coefficients.
+    pub(crate) chosen: Vec<ChosenCoefficient>,
+}
+
+/// A bearing or the time of a lag that is a coefficient.
+pub(crate) struct ChosenCoefficient {
+    /// Its place among the coefficients.
+    pub(crate) place: usize,
+    /// Its variable: the term, and which of its factors.
+    pub(crate) of: [usize; 2],
 }
 
 /// The effect that acts as forms do together.
 pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &[Variable]) -> Defined {
-    let mut names = Names { taken: Vec::new() };
+    define_with(id, sentence, terms, variables, &|_| false)
+}
+
+/// The same with the bearings and the times of lags of some factors, given by their term and their place in it, among the coefficients.
+pub(crate) fn define_with(
+    id: &str,
+    sentence: String,
+    terms: &[Refined],
+    variables: &[Variable],
+    is_free: &dyn Fn([usize; 2]) -> bool,
+) -> Defined {
     let mut rows: BTreeMap<String, String> = BTreeMap::new();
-    let (mut coefficient, mut values) = (Vec::new(), Vec::new());
-    let mut constant = constants(terms);
-    for term in terms {
+    let names = Names { taken: Vec::new() };
+    let mut own =
+        Written { variables, names, constant: constants(terms), numbers: Vec::new(), chosen: Vec::new() };
+    for (place, term) in terms.iter().enumerate() {
         let form = &term.form;
-        let amplitudes: Vec<String> =
-            form.channel.amplitude_names().iter().map(|name| names.new_one(name)).collect();
-        for (name, value) in amplitudes.iter().zip(&term.amplitudes) {
-            let reach = AMPLITUDE_REACH * value.abs();
-            coefficient.push(CoefficientDefinition {
-                name: name.clone(),
-                unit: amplitude_unit(form, variables),
-                possible: [-reach, reach],
-                typical: value.abs(),
-            });
-            values.push(*value);
-        }
-        let of_center = form.channel.center().map_or(&[][..], |own| own.about.names());
-        let center: Vec<String> = of_center.iter().map(|name| names.new_one(name)).collect();
-        for (axis, name) in center.iter().enumerate() {
-            coefficient.push(fitted(form, variables, Parameter::Center(axis), (name.clone(), "m")));
-            values.push(form.value(Parameter::Center(axis)));
-        }
-        let mut named: Vec<Named> = Vec::new();
-        for (index, factor) in form.factors.iter().enumerate() {
-            let variable = &variables[factor.variable];
-            let mut parameters: Vec<String> =
-                factor.shape.family.parameters().iter().map(|(name, _)| names.new_one(name)).collect();
-            for (number, name) in parameters.iter().enumerate() {
-                let parameter = Parameter::OfShape { factor: index, number };
-                coefficient.push(fitted(form, variables, parameter, (name.clone(), &variable.unit)));
-                values.push(form.value(parameter));
-            }
-            let (held, lag) = constants_of(factor, variable, &mut names, &mut constant);
-            parameters.extend(held);
-            named.push((parameters, lag));
-        }
+        let amplitudes = own.amplitudes(term);
+        let center = own.center(form);
+        let factors = 0..form.factors.len();
+        let named: Vec<Named> =
+            factors.map(|factor| own.factor(form, [place, factor], is_free([place, factor]))).collect();
         for row in form.channel.rows(&center) {
             let shapes = shapes_text(form, variables, (&center, &named), row.rotor);
             let text = format!("{}{}{shapes}{}", row.before, amplitudes[row.amplitude], row.after);
             rows.entry(row.row.to_owned()).and_modify(|sum| sum.push_str(&joined(&text))).or_insert(text);
         }
     }
+    let Written { constant, numbers, chosen, .. } = own;
+    let values = numbers.iter().map(|number| number.value).collect();
+    let units = numbers.iter().map(|number| number.unit.clone()).collect();
     let definition = Definition {
         id: id.to_owned(),
         sentence: Some(sentence),
         excitation: None,
         acceleration: rows,
         confused_with: BTreeMap::new(),
-        coefficient,
+        coefficient: numbers.into_iter().map(|number| number.definition).collect(),
         constant,
         column: columns(terms, variables),
     };
-    Defined { definition, values }
+    Defined { definition, values, units, chosen }
 }
 
-/// Adds the constants of a factor: names of the parameter that is held, and of the time of its lag.
-fn constants_of(
-    factor: &Factor,
-    variable: &Variable,
-    names: &mut Names,
-    constant: &mut Vec<ConstantDefinition>,
-) -> (Option<String>, Option<String>) {
-    let mut put = |name: &str, unit: &str, value: f64| {
-        let name = names.new_one(name);
-        constant.push(ConstantDefinition { name: name.clone(), unit: unit.to_owned(), value });
+/// A coefficient, its value, and its unit for people.
+struct Number {
+    definition: CoefficientDefinition,
+    value: f64,
+    unit: String,
+}
+
+/// What a definition has so far.
+struct Written<'a> {
+    variables: &'a [Variable],
+    names: Names,
+    constant: Vec<ConstantDefinition>,
+    numbers: Vec<Number>,
+    chosen: Vec<ChosenCoefficient>,
+}
+
+impl Written<'_> {
+    fn put(&mut self, definition: CoefficientDefinition, value: f64, unit: String) {
+        self.numbers.push(Number { definition, value, unit });
+    }
+
+    /// Adds a constant: its name.
+    fn constant(&mut self, name: &str, unit: &str, value: f64) -> String {
+        let name = self.names.new_one(name);
+        self.constant.push(ConstantDefinition { name: name.clone(), unit: unit.to_owned(), value });
         name
-    };
-    let family = factor.shape.family;
-    let value = || factor.shape.parameters[family.parameters().len()];
-    let held = family.held().map(|held| put(held, &variable.unit, value()));
-    (held, variable.lag_s().map(|time_s| put("memory", "s", time_s)))
+    }
+
+    /// Adds the amplitudes of a term: their names.
+    fn amplitudes(&mut self, term: &Refined) -> Vec<String> {
+        let form = &term.form;
+        let names: Vec<String> =
+            form.channel.amplitude_names().iter().map(|name| self.names.new_one(name)).collect();
+        for (name, value) in names.iter().zip(&term.amplitudes) {
+            let reach = AMPLITUDE_REACH * value.abs();
+            let unit = amplitude_unit(form, self.variables, |variable| variable.unit.as_str());
+            let possible = [-reach, reach];
+            let definition =
+                CoefficientDefinition { name: name.clone(), unit, possible, typical: value.abs() };
+            self.put(definition, *value, amplitude_unit(form, self.variables, Variable::unit_for_people));
+        }
+        names
+    }
+
+    /// Adds where the center of a form is: the names of its numbers.
+    fn center(&mut self, form: &Form) -> Vec<String> {
+        let of_center = form.channel.center().map_or(&[][..], |own| own.about.names());
+        let names: Vec<String> = of_center.iter().map(|name| self.names.new_one(name)).collect();
+        for (axis, name) in names.iter().enumerate() {
+            let parameter = Parameter::Center(axis);
+            let definition = fitted(form, self.variables, parameter, (name.clone(), "m"));
+            self.put(definition, form.value(parameter), "m".to_owned());
+        }
+        names
+    }
+
+    /// Adds a factor: the names of its numbers.
+    fn factor(&mut self, form: &Form, of @ [_, index]: [usize; 2], is_free: bool) -> Named {
+        let factor = &form.factors[index];
+        let (family, variable) = (factor.shape.family, &self.variables[factor.variable]);
+        let mut names: Vec<String> =
+            family.parameters().iter().map(|(name, _)| self.names.new_one(name)).collect();
+        for (number, name) in names.iter().enumerate() {
+            let parameter = Parameter::OfShape { factor: index, number };
+            let definition = fitted(form, self.variables, parameter, (name.clone(), &variable.unit));
+            self.put(definition, form.value(parameter), variable.unit_for_people().to_owned());
+        }
+        if let Some(held) = family.held() {
+            let value = factor.shape.parameters[family.parameters().len()];
+            names.push(self.constant(held, &variable.unit, value));
+        }
+        (names, self.spelling(variable, of, is_free))
+    }
+
+    /// How a formula spells the number of a variable that was chosen with the form: a constant, or a coefficient where it is free.
+    fn spelling(&mut self, variable: &Variable, of: [usize; 2], is_free: bool) -> Spelling {
+        let (name, unit, value, possible, typical) = match variable.chosen() {
+            None => return Spelling::Plain,
+            Some(Chosen::BearingDeg(_)) if !is_free => return Spelling::Plain,
+            Some(Chosen::LagS(time_s)) if !is_free => {
+                return Spelling::Constant(self.constant("memory", "s", time_s));
+            }
+            Some(Chosen::BearingDeg(degrees)) => {
+                let value = degrees.to_radians();
+                ("bearing", "rad", value, [value - FRAC_PI_2, value + FRAC_PI_2], 1.0)
+            }
+            Some(Chosen::LagS(time_s)) => {
+                ("memory", "s", time_s, [time_s / LAG_REACH, LAG_REACH * time_s], time_s)
+            }
+        };
+        let name = self.names.new_one(name);
+        self.chosen.push(ChosenCoefficient { place: self.numbers.len(), of });
+        let definition =
+            CoefficientDefinition { name: name.clone(), unit: unit.to_owned(), possible, typical };
+        self.put(definition, value, unit.to_owned());
+        match variable.chosen() {
+            Some(Chosen::LagS(_)) => {
+                let from = self.constant("from_memory", "s", value);
+                let to = self.constant("to_memory", "s", LONGER * value);
+                Spelling::Between { time: name, from, to }
+            }
+            _ => Spelling::Bearing(name),
+        }
+    }
 }
 
-/// Names of the parameters of a shape, and of the time of its variable's lag.
-type Named = (Vec<String>, Option<String>);
+/// Names of the parameters of a shape, and how its variable is spelt.
+type Named = (Vec<String>, Spelling);
 
 /// The shapes of a form as factors, with the names of their parameters.
 fn shapes_text(
@@ -106,11 +200,11 @@ fn shapes_text(
     (center, named): (&[String], &[Named]),
     rotor: Option<usize>,
 ) -> String {
-    let shape = |(factor, (names, lag)): (&Factor, &Named)| {
+    let shape = |(factor, (names, spelling)): (&Factor, &Named)| {
         let variable = &variables[factor.variable];
         let text = match form.channel.center() {
             Some(own) if variable.is_distance() => own.about.distance(center).into(),
-            _ => variable.formula(rotor, lag.as_deref()),
+            _ => variable.formula(rotor, spelling),
         };
         format!(" * {}", factor.shape.formula(&text, names))
     };
@@ -187,11 +281,11 @@ impl Names {
 }
 
 /// Unit of the amplitudes of a form: that of its way to act over those of its shapes.
-fn amplitude_unit(form: &Form, variables: &[Variable]) -> String {
+fn amplitude_unit(form: &Form, variables: &[Variable], of: impl Fn(&Variable) -> &str) -> String {
     let mut unit = Unit::default();
     unit.take(form.channel.unit(), 1);
     for factor in &form.factors {
-        unit.take(&variables[factor.variable].unit, -factor.shape.family.power());
+        unit.take(of(&variables[factor.variable]), -factor.shape.family.power());
     }
     unit.text()
 }

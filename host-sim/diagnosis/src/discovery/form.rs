@@ -178,6 +178,8 @@ impl Form {
 /// amplitude.
 pub(crate) struct FormTerms<'a> {
     forms: Vec<(Form, f64)>,
+    /// Of these terms, the first that is wanted.
+    first: usize,
     /// The parameter that each of the forms but the first has another value of.
     parameters: Vec<Parameter>,
     variables: &'a [Variable],
@@ -191,7 +193,17 @@ impl<'a> FormTerms<'a> {
             (form.with(*parameter, form.value(*parameter) + step), step)
         });
         let forms = std::iter::once((form.clone(), 1.0)).chain(ahead).collect();
-        Self { forms, parameters, variables }
+        Self { forms, first: 0, parameters, variables }
+    }
+
+    /// What the amplitudes multiply, and nothing else.
+    pub(crate) fn of_amplitudes(form: &Form, variables: &'a [Variable]) -> Self {
+        Self { forms: vec![(form.clone(), 1.0)], first: 0, parameters: Vec::new(), variables }
+    }
+
+    /// The slopes alone.
+    pub(crate) fn slopes(form: &Form, variables: &'a [Variable]) -> Self {
+        Self { first: form.channel.amplitudes(), ..Self::new(form, variables) }
     }
 
     /// What is formed once for all parameters: ways to act whose weighted sums these terms are.
@@ -233,14 +245,15 @@ impl<'a> FormTerms<'a> {
         if form.channel.is_each_rotor() {
             for rotor in 0..4 {
                 self.scalars(&values[rotor * count..][..count], scalars);
-                scalars.iter().enumerate().for_each(|(k, scalar)| weights[4 * k + rotor] = *scalar);
+                let wanted = scalars[self.first..].iter().enumerate();
+                wanted.for_each(|(k, scalar)| weights[4 * k + rotor] = *scalar);
             }
             return;
         }
         self.scalars(values, scalars);
         let amplitudes = form.channel.amplitudes();
         weights.fill(0.0);
-        for (k, own) in weights.chunks_exact_mut(amplitudes).enumerate() {
+        for (k, own) in (self.first..).zip(weights.chunks_exact_mut(amplitudes)) {
             own[k % amplitudes] = scalars[k / amplitudes];
         }
     }
@@ -259,9 +272,10 @@ impl<'a> FormTerms<'a> {
             center.direction_from(&place) * form.factors.iter().zip(values).map(at).product::<f64>()
         };
         let here = force(form);
-        weights[..3].copy_from_slice(here.as_slice());
-        for (own, (ahead, step)) in weights[3..].chunks_exact_mut(3).zip(&self.forms[1..]) {
-            own.copy_from_slice(((force(ahead) - here) / *step).as_slice());
+        let slopes = self.forms[1..].iter().map(|(ahead, step)| (force(ahead) - here) / *step);
+        let wanted = std::iter::once(here).chain(slopes).skip(self.first);
+        for (own, term) in weights.chunks_exact_mut(3).zip(wanted) {
+            own.copy_from_slice(term.as_slice());
         }
     }
 
@@ -305,7 +319,7 @@ impl Terms for FormedOnce {
 
 impl Terms for FormTerms<'_> {
     fn count(&self) -> usize {
-        self.forms.len() * self.forms[0].0.channel.amplitudes()
+        self.forms.len() * self.forms[0].0.channel.amplitudes() - self.first
     }
 
     fn lags(&self) -> Vec<LagId> {
@@ -316,10 +330,12 @@ impl Terms for FormTerms<'_> {
         let (form, _) = &self.forms[0];
         let here = form.at(self.variables, sample);
         let amplitudes = form.channel.amplitudes();
-        form.channel.add(sample, here, 0, sink);
+        if self.first == 0 {
+            form.channel.add(sample, here, 0, sink);
+        }
         for (index, (ahead, step)) in self.forms.iter().enumerate().skip(1) {
             let there = ahead.at(self.variables, sample);
-            let first = index * amplitudes;
+            let first = index * amplitudes - self.first;
             if ahead.channel == form.channel {
                 let slope = std::array::from_fn(|rotor| (there[rotor] - here[rotor]) / step);
                 form.channel.add(sample, slope, first, sink);

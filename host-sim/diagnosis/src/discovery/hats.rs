@@ -24,7 +24,7 @@ pub(crate) struct Bases<'a> {
     signals: Option<Vec<TermSignals>>,
 }
 
-/// Variables that are formed once, by flight; nothing for those that each rotor has of its own.
+/// Variables that are formed once, by flight; nothing for those that each rotor has of its own, which ask for hats of their own.
 pub(crate) struct Quantities(Vec<Option<Vec<QuantitySignal>>>);
 
 impl Quantities {
@@ -93,13 +93,10 @@ impl InRoom {
 impl<'a> Bases<'a> {
     /// Of the flights of a problem.
     pub(crate) fn new(problem: &Problem<'_>, forms: Vec<Form>, variables: &'a [Variable]) -> Self {
-        let mut bases = Self { forms, variables, signals: None };
-        // What each rotor has of its own asks for hats of its own.
-        if !bases.forms.iter().any(|form| form.channel.is_each_rotor()) {
-            let of_flight = |flight: &sysid::Prepared| flight.term_signals(&bases, problem.model);
-            bases.signals = problem.prepared().map(of_flight).collect();
-        }
-        bases
+        let bases = Self { forms, variables, signals: None };
+        let of_flight = |flight: &sysid::Prepared| flight.term_signals(&bases, problem.model);
+        let signals = problem.prepared().map(of_flight).collect();
+        Self { signals, ..bases }
     }
 
     /// Forces about centers that are nothing but that.

@@ -3,7 +3,7 @@
 //! What a model leaves of the training flights is projected on what the model's own coefficients cannot take, and made white
 //! (`problem.rs`, `whitening.rs`). A form is a way to act (`channels.rs`), perhaps about a center
 //! (`center.rs`), times one or two shapes (`shapes.rs`) of measured
-//! quantities (`variables.rs`). All of them are tried at once (`search.rs`) over hats (`hats.rs`), against the residual (`against.rs`); the same search on residuals of random phases
+//! quantities (`variables.rs`, `chosen.rs`). All of them are tried at once (`search.rs`) over hats (`hats.rs`), against the residual (`against.rs`); the same search on residuals of random phases
 //! says what chance finds (`phases.rs`). The best are fitted exactly (`refine.rs`), and the simplest of those that are worth about
 //! the same on flights left out is chosen (`choice.rs`). It becomes an effect of users (`define.rs`) and a sentence (`words.rs`).
 
@@ -12,6 +12,7 @@ pub(crate) mod candidates;
 mod center;
 mod channels;
 pub(crate) mod choice;
+pub(crate) mod chosen;
 pub(crate) mod define;
 pub(crate) mod form;
 mod hats;
@@ -25,4 +26,4 @@ pub(crate) mod variables;
 mod whitening;
 pub(crate) mod words;
 
-pub use proposal::{Discovery, DiscoveryVerdict, Proposal};
+pub use proposal::{Discovery, DiscoveryVerdict, FormNumber, Proposal};

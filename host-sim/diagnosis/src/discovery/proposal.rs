@@ -7,7 +7,7 @@ use model::{Axis, Effect, Model};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::finding::{CoefficientFigures, EffectFinding, Unexplained};
+use crate::finding::{EffectFinding, Unexplained};
 
 /// What a search for unknown effects ends with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
@@ -19,6 +19,19 @@ pub enum DiscoveryVerdict {
     Nothing,
     /// Something is left, of which no formula generalises.
     NotAFormula,
+}
+
+/// A number in the formula of a form.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct FormNumber {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Standard error, coloured residuals accounted for.
+    pub std_error: f64,
+    /// Unit; of commands where these stand in for rotor speeds.
+    pub unit: String,
 }
 
 /// A form of what is left, with its evidence.
@@ -38,7 +51,10 @@ pub struct Proposal {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub physics: Option<&'static str>,
     /// Its coefficients, fitted together with all of the model's.
-    pub coefficients: Vec<CoefficientFigures>,
+    pub coefficients: Vec<FormNumber>,
+    /// Bearings and times of lags: constants in the formula, estimated beside the coefficients. Those that these flights do not determine
+    /// are left out.
+    pub constants: Vec<FormNumber>,
     /// Fall of the held-out squared error of each axis, percent.
     pub drop_percent: BTreeMap<&'static str, f64>,
     /// Share that it takes of what sensors' noise leaves of the held-out squared error unexplained on its axes, percent; of all of

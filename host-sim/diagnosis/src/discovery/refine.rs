@@ -30,6 +30,7 @@ pub(crate) struct Refined {
 
 /// A form at its parameters: the amplitudes that fit best, and what they take.
 struct At {
+    /// Of the amplitudes.
     columns: Columns,
     amplitudes: DVector<f64>,
     gain: f64,
@@ -74,9 +75,12 @@ impl<'a> Place<'a> {
         Self { problem, variables, formed: problem.prepared().map(of_flight).collect() }
     }
 
-    fn columns(&self, form: &Form) -> Vec<White> {
-        let terms = FormTerms::new(form, self.variables);
-        let Some(formed) = &self.formed else { return self.problem.columns(&terms) };
+    fn columns(&self, terms: &FormTerms<'_>) -> Columns {
+        Columns::new(self.problem, self.white(terms))
+    }
+
+    fn white(&self, terms: &FormTerms<'_>) -> Vec<White> {
+        let Some(formed) = &self.formed else { return self.problem.columns(terms) };
         let of_flight = |(signals, quantities): &(TermSignals, Vec<QuantitySignal>)| {
             signals.weighted(quantities, terms.count(), |values, weights| terms.weights(values, weights))
         };
@@ -87,29 +91,26 @@ impl<'a> Place<'a> {
 impl At {
     fn new(place: &Place<'_>, form: &Form) -> Option<Self> {
         let problem = place.problem;
-        let columns = Columns::new(problem, place.columns(form));
-        let d = form.channel.amplitudes();
-        let absorbed = columns.absorbed.columns(0, d);
-        let gram = gram(&columns.white[..d]) - absorbed.tr_mul(&absorbed);
+        let columns = place.columns(&FormTerms::of_amplitudes(form, place.variables));
+        let gram = columns.gram();
         // The residual has nothing in it that the model's own coefficients can take.
-        let right = with_residual(problem, &columns.white[..d]);
+        let right = with_residual(problem, &columns.white);
         let amplitudes = gram.cholesky()?.solve(&right);
         let gain = amplitudes.dot(&right);
         gain.is_finite().then_some(Self { columns, amplitudes, gain })
     }
 
-    /// Columns of the amplitudes, then of the parameters at these amplitudes.
-    fn jacobian(&self) -> Columns {
-        let d = self.amplitudes.len();
-        let mut all: Vec<White> = self.columns.white[..d].to_vec();
-        let own = &self.columns.absorbed;
-        let mut absorbed = DMatrix::zeros(own.nrows(), own.ncols() / d + d - 1);
-        absorbed.columns_mut(0, d).copy_from(&own.columns(0, d));
-        for k in d..absorbed.ncols() {
-            let slopes = own.columns((k - d + 1) * d, d);
-            absorbed.set_column(k, &(slopes * &self.amplitudes));
+    /// Columns of the amplitudes, then of the parameters at these amplitudes. The form is that which this is of.
+    fn jacobian(&self, place: &Place<'_>, form: &Form) -> Columns {
+        if form.parameters().is_empty() {
+            return self.columns.clone();
         }
-        for slopes in self.columns.white[d..].chunks(d) {
+        let d = self.amplitudes.len();
+        let Columns { white: slopes, absorbed: of_slopes } =
+            place.columns(&FormTerms::slopes(form, place.variables));
+        let mut all: Vec<White> = self.columns.white.clone();
+        let mut absorbed = self.columns.absorbed.clone().resize_horizontally(d + slopes.len() / d, 0.0);
+        for (k, slopes) in slopes.chunks(d).enumerate() {
             let mut sum: White = Default::default();
             for (slope, amplitude) in slopes.iter().zip(self.amplitudes.iter()) {
                 for (sum, values) in sum.iter_mut().zip(slope) {
@@ -119,6 +120,7 @@ impl At {
                 }
             }
             all.push(sum);
+            absorbed.set_column(d + k, &(of_slopes.columns(k * d, d) * &self.amplitudes));
         }
         Columns { white: all, absorbed }
     }
@@ -154,7 +156,7 @@ pub(crate) fn refine(problem: &Problem<'_>, form: &Form, variables: &[Variable])
     if sharp != form {
         (form, here) = settled(&place, sharp)?;
     }
-    let (gain_left_out, improved) = left_out(problem, &here);
+    let (gain_left_out, improved) = left_out(&place, (&form, &here));
     Some(Refined { form, amplitudes: here.amplitudes.iter().copied().collect(), gain_left_out, improved })
 }
 
@@ -168,7 +170,7 @@ fn settled(place: &Place<'_>, mut form: Form) -> Option<(Form, At)> {
         if parameters.is_empty() {
             break;
         }
-        let jacobian = here.jacobian();
+        let jacobian = here.jacobian(place, &form);
         let d = here.amplitudes.len();
         let mut normal = jacobian.gram();
         // The residual is that without the form; the amplitudes' step is towards the best, from where they are.
@@ -206,8 +208,9 @@ fn settled(place: &Place<'_>, mut form: Form) -> Option<(Form, At)> {
 }
 
 /// What the form is worth on flights left out one by one, linearised about the fit to all of them.
-fn left_out(problem: &Problem<'_>, at: &At) -> (f64, usize) {
-    let Columns { white: mut jacobian, absorbed } = at.jacobian();
+fn left_out(place: &Place<'_>, (form, at): (&Form, &At)) -> (f64, usize) {
+    let problem = place.problem;
+    let Columns { white: mut jacobian, absorbed } = at.jacobian(place, form);
     for (column, absorbed) in jacobian.iter_mut().zip(absorbed.column_iter()) {
         problem.take_out_absorbed(column, &absorbed.into_owned());
     }
@@ -288,9 +291,14 @@ mod tests {
         for form in forms {
             let place = Place::new(&problem, &form, &variables);
             assert!(place.formed.is_some());
-            let found = place.columns(&form);
+            let found = place.white(&FormTerms::new(&form, &variables));
             let expected = problem.columns(&FormTerms::new(&form, &variables));
             assert_eq!(found.len(), expected.len());
+            let amplitudes = place.white(&FormTerms::of_amplitudes(&form, &variables));
+            let slopes = place.white(&FormTerms::slopes(&form, &variables));
+            assert_eq!([amplitudes, slopes].concat(), found);
+            let slopes = problem.columns(&FormTerms::slopes(&form, &variables));
+            assert_eq!(slopes, expected[form.channel.amplitudes()..]);
             for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
                 let expected = expected.clone().unwrap_or_else(|| vec![0.0; problem.rows]);
                 let found = found.clone().unwrap_or_else(|| vec![0.0; problem.rows]);

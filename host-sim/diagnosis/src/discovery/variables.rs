@@ -4,10 +4,15 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use model::{Followed, Lag, LagId, Model, Quantity, RotorQuantity, Sample, user_effects};
+use report::number::significant;
 use sysid::prepare::Prepared;
 use sysid::statistics::correlation;
 
 use crate::discovery::center::{About, Center, Flown};
+use crate::discovery::chosen::{
+    Chosen, FINE_DEG, Grid, LAGS_S, OBLIQUE_DEG, SEARCHED_LAG_S, SEARCHED_OWN_LAG_S, Spelling, along,
+    direction, lag_of, lags_of_rotors,
+};
 use crate::discovery::shapes::Span;
 
 /// Where its value comes from.
@@ -27,15 +32,15 @@ enum Source {
         is_point: bool,
     },
     /// Place along a horizontal direction: its angle from north to east, degrees, and its parts along north and east.
-    Along(u8, [f64; 2]),
+    Along(f64, [f64; 2]),
     /// The own speed of each rotor.
     OwnSpeed,
     /// The own acceleration of each rotor.
     OwnAcceleration,
-    /// A quantity behind a lag of one of [`LAGS_S`].
-    Lagged(&'static Quantity, usize),
+    /// A quantity behind a lag of so many seconds.
+    Lagged(&'static Quantity, f64),
     /// By how much each rotor is faster than its own speed behind such a lag.
-    OwnAhead(usize),
+    OwnAhead(f64),
     /// The integral of the rotors' power.
     Energy,
 }
@@ -101,22 +106,10 @@ const BESIDE_ANOTHER: [(&str, &str, &str, &str); 3] = [
 
 /// Quantities that forms may look back at.
 const REMEMBERED: [&str; 7] = ["u", "v", "w", "p", "q", "r", "thrust"];
-/// Times of lags, s.
-const LAGS_S: [f64; 10] = [0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2];
-/// That over which every form is tried.
-const SEARCHED_LAG: usize = 6;
-/// That over which every form of each rotor's own speed is tried.
-const SEARCHED_OWN_LAG: usize = 3;
-
 /// Samples from one value of a span to the next.
 const SPAN_STRIDE: usize = 5;
 /// Correlation of the energy used with the time in flight up to which flights tell one from the other.
 const TOLD_FROM_TIME: f64 = 0.98;
-
-/// Directions in the room that every form is tried over, degrees from north to east. North and east are variables of their own.
-const OBLIQUE_DEG: [u8; 4] = [30, 60, 120, 150];
-/// Step between directions that the best forms over one of them are tried over besides, degrees.
-const FINER_DEG: usize = 5;
 
 impl Variable {
     /// Its value at a sample for a rotor.
@@ -156,7 +149,7 @@ impl Variable {
     /// Time of its lag, s.
     pub(crate) const fn lag_s(&self) -> Option<f64> {
         match self.source {
-            Source::Lagged(_, place) | Source::OwnAhead(place) => Some(LAGS_S[place]),
+            Source::Lagged(_, time_s) | Source::OwnAhead(time_s) => Some(time_s),
             _ => None,
         }
     }
@@ -185,17 +178,49 @@ impl Variable {
         &self.flown
     }
 
-    /// How formulas spell it; each rotor's own for one of them, and a lag with the name of its time.
-    pub(crate) fn formula(&self, rotor: Option<usize>, lag: Option<&str>) -> Cow<'_, str> {
-        let lag = lag.unwrap_or_default();
-        match (self.source, rotor) {
-            (Source::Lagged(quantity, _), _) => format!("lag({}, {lag})", quantity.name).into(),
-            (Source::OwnAhead(_), Some(k)) => {
-                let omega = format!("omega{}", k + 1);
-                format!("({omega} - lag({omega}, {lag}))").into()
+    /// The number in its formula that is chosen with the form.
+    pub(crate) const fn chosen(&self) -> Option<Chosen> {
+        match self.source {
+            Source::Along(degrees, _) => Some(Chosen::BearingDeg(degrees)),
+            Source::Lagged(_, time_s) | Source::OwnAhead(time_s) => Some(Chosen::LagS(time_s)),
+            _ => None,
+        }
+    }
+
+    /// The same with another such number; nothing where there is none, or no room for another lag.
+    pub(crate) fn with_chosen(&self, chosen: Chosen) -> Option<Self> {
+        let mut other = self.clone();
+        match (&mut other.source, chosen) {
+            (Source::Along(own, toward), Chosen::BearingDeg(degrees)) => {
+                (*own, *toward) = (degrees, direction(degrees));
+                other.formula = along(*toward).into();
             }
-            (Source::OwnSpeed, Some(k)) => format!("omega{}", k + 1).into(),
-            (Source::OwnAcceleration, Some(k)) => format!("domega{}", k + 1).into(),
+            (Source::Lagged(quantity, own), Chosen::LagS(time_s)) => {
+                *own = time_s;
+                other.lags = [Some(lag_of(quantity, time_s)?), None, None, None];
+            }
+            (Source::OwnAhead(own), Chosen::LagS(time_s)) => {
+                *own = time_s;
+                other.lags = lags_of_rotors(time_s);
+            }
+            _ => return None,
+        }
+        Some(other)
+    }
+
+    /// How formulas spell it; each rotor's own for one of them.
+    pub(crate) fn formula(&self, rotor: Option<usize>, spelling: &Spelling) -> Cow<'_, str> {
+        match (self.source, rotor, spelling) {
+            (Source::Along(..), _, Spelling::Bearing(name)) => {
+                format!("(cos({name}) * north + sin({name}) * east)").into()
+            }
+            (Source::Lagged(quantity, _), ..) => spelling.lag(quantity.name).into(),
+            (Source::OwnAhead(_), Some(k), _) => {
+                let omega = format!("omega{}", k + 1);
+                format!("({omega} - {})", spelling.lag(&omega)).into()
+            }
+            (Source::OwnSpeed, Some(k), _) => format!("omega{}", k + 1).into(),
+            (Source::OwnAcceleration, Some(k), _) => format!("domega{}", k + 1).into(),
             _ => Cow::Borrowed(&self.formula),
         }
     }
@@ -220,15 +245,18 @@ impl Variable {
 
     /// For people.
     pub(crate) fn called(&self) -> Cow<'static, str> {
+        let number = |value: f64| significant(value, 3);
         match self.source {
-            Source::Along(degrees, _) => format!("position along a bearing of {degrees} degrees").into(),
+            Source::Along(degrees, _) => {
+                format!("position along a bearing of {} degrees", number(degrees)).into()
+            }
             Source::OwnSpeed => "rotor's own speed".into(),
             Source::OwnAcceleration => "rotor's own acceleration".into(),
-            Source::Lagged(quantity, place) => {
-                format!("{}, averaged over the last {} s", meaning(quantity.name), LAGS_S[place]).into()
+            Source::Lagged(quantity, time_s) => {
+                format!("{}, averaged over the last {} s", meaning(quantity.name), number(time_s)).into()
             }
-            Source::OwnAhead(place) => {
-                format!("rotor's own speed less its average over the last {} s", LAGS_S[place]).into()
+            Source::OwnAhead(time_s) => {
+                format!("rotor's own speed less its average over the last {} s", number(time_s)).into()
             }
             _ => meaning(self.name).into(),
         }
@@ -243,8 +271,8 @@ impl Variable {
     pub(crate) fn is_searched(&self) -> bool {
         match self.source {
             Source::Along(degrees, _) => OBLIQUE_DEG.contains(&degrees),
-            Source::Lagged(_, place) => place == SEARCHED_LAG,
-            Source::OwnAhead(place) => place == SEARCHED_OWN_LAG,
+            Source::Lagged(_, time_s) => time_s == SEARCHED_LAG_S,
+            Source::OwnAhead(time_s) => time_s == SEARCHED_OWN_LAG_S,
             Source::FromCenter { .. } => false,
             _ => true,
         }
@@ -252,27 +280,23 @@ impl Variable {
 
     /// Numbers in its formula that are chosen with the form.
     pub(crate) fn count(&self) -> usize {
-        usize::from(matches!(self.source, Source::Along(..) | Source::Lagged(..) | Source::OwnAhead(_)))
+        usize::from(self.chosen().is_some())
     }
 
-    /// Variables that differ from it in such a number alone, nearest first.
-    pub(crate) fn relatives(&self, all: &[Self]) -> Vec<usize> {
-        let apart = |other: &Self| match (self.source, other.source) {
-            (Source::Along(own, _), Source::Along(degrees, _)) if own != degrees => {
-                let turn = own.abs_diff(degrees);
-                Some(usize::from(turn.min(180 - turn)))
-            }
-            (Source::Lagged(quantity, own), Source::Lagged(theirs, place))
-                if own != place && quantity.name == theirs.name =>
-            {
-                Some(own.abs_diff(place))
-            }
-            (Source::OwnAhead(own), Source::OwnAhead(place)) if own != place => Some(own.abs_diff(place)),
-            _ => None,
+    /// Variables that differ from it in such a number alone, of those on a grid, nearest first.
+    pub(super) fn relatives(&self, all: &[Self], grid: Grid) -> Vec<usize> {
+        let is_alike = |other: &Self| match (self.source, other.source) {
+            (Source::Lagged(own, _), Source::Lagged(theirs, _)) => own.name == theirs.name,
+            (own, other) => std::mem::discriminant(&own) == std::mem::discriminant(&other),
         };
-        let mut found: Vec<(usize, usize)> =
-            all.iter().enumerate().filter_map(|(index, other)| Some((apart(other)?, index))).collect();
-        found.sort_unstable();
+        let apart = |other: &Self| self.chosen()?.apart(other.chosen()?).filter(|_| is_alike(other));
+        let is_other = |other: &Self| {
+            other.chosen() != self.chosen() && other.chosen().is_some_and(|chosen| chosen.is_on(grid))
+        };
+        let others = all.iter().enumerate().filter(|(_, other)| is_other(other));
+        let mut found: Vec<(f64, usize)> =
+            others.filter_map(|(index, other)| Some((apart(other)?, index))).collect();
+        found.sort_by(|(one, _), (other, _)| one.total_cmp(other));
         found.into_iter().map(|(_, index)| index).collect()
     }
 
@@ -291,12 +315,10 @@ impl Variable {
             put("sine of the heading", "sin(psi)".into(), Source::Sine(psi), "1");
             put("cosine of the heading", "cos(psi)".into(), Source::Cosine(psi), "1");
         }
-        for degrees in (FINER_DEG..180).step_by(FINER_DEG).filter(|degrees| *degrees != 90) {
-            let degrees = degrees as u8;
-            let toward @ [north, east] = direction(degrees);
-            let joint = if north < 0.0 { "-" } else { "+" };
-            let formula = format!("({east} * east {joint} {} * north)", north.abs());
-            put("place", formula.into(), Source::Along(degrees, toward), "m");
+        for degrees in (FINE_DEG..180).step_by(FINE_DEG).filter(|degrees| *degrees != 90) {
+            let degrees = degrees as f64;
+            let toward = direction(degrees);
+            put("place", along(toward).into(), Source::Along(degrees, toward), "m");
         }
         let own = [("rotor_speed", Source::OwnSpeed), ("rotor_acceleration", Source::OwnAcceleration)];
         for (name, source) in own {
@@ -356,12 +378,6 @@ fn meaning(name: &'static str) -> &'static str {
     }
 }
 
-/// North and east parts of a direction, as formulas have them.
-fn direction(degrees: u8) -> [f64; 2] {
-    let (east, north) = f64::from(degrees).to_radians().sin_cos();
-    [north, east].map(|part| (1e4 * part).round() * 1e-4)
-}
-
 /// Further columns of the flights, and what they say of another craft.
 fn of_columns() -> Vec<Variable> {
     let columns = user_effects::columns();
@@ -400,23 +416,20 @@ fn from_centers(flights: &[&Prepared]) -> Vec<Variable> {
 
 /// What forms may look back at. A lag goes no further than what it follows.
 fn remembered(all: &[Variable]) -> Vec<Variable> {
-    let lag =
-        |quantity, place: usize| Lag { of: Followed::Quantity(quantity), time_s: Some(LAGS_S[place]) }.id();
     let mut found = Vec::new();
-    for place in 0..LAGS_S.len() {
+    for time_s in LAGS_S {
         for variable in all {
             match variable.source {
                 Source::Quantity(quantity) if REMEMBERED.contains(&quantity.name) => {
-                    let lags = [lag(quantity, place), None, None, None];
-                    let source = Source::Lagged(quantity, place);
+                    let lags = [lag_of(quantity, time_s), None, None, None];
+                    let source = Source::Lagged(quantity, time_s);
                     found.push(Variable { source, lags, ..variable.clone() });
                 }
                 Source::OwnSpeed => {
-                    let omegas = ["omega1", "omega2", "omega3", "omega4"].map(Quantity::named);
-                    let lags = omegas.map(|omega| omega.and_then(|omega| lag(omega, place)));
+                    let lags = lags_of_rotors(time_s);
                     let reach = 0.5 * variable.span.length();
                     let span = Span { low: -reach, high: reach };
-                    found.push(Variable { source: Source::OwnAhead(place), lags, span, ..variable.clone() });
+                    found.push(Variable { source: Source::OwnAhead(time_s), lags, span, ..variable.clone() });
                 }
                 _ => (),
             }

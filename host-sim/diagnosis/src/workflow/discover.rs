@@ -7,8 +7,7 @@
 use std::path::Path;
 
 use model::user_effects::{USUAL_COLUMNS, file_of, place_of_column};
-use model::{Axis, Effect, Model, PerAxis, effects};
-use sysid::{Fit, FitError};
+use model::{Axis, Effect, Model, effects};
 
 use crate::addition::add_to;
 use crate::criteria::{HELD_OUT_SIGNIFICANCE, SIGNIFICANCE};
@@ -20,13 +19,14 @@ use crate::discovery::form::Form;
 use crate::discovery::refine::Refined;
 use crate::discovery::variables::Variable;
 use crate::discovery::words::{formula, known_physics, sentence, short, to_fly};
-use crate::discovery::{Discovery, DiscoveryVerdict, Proposal};
-use crate::finding::{CoefficientFigures, Unexplained};
+use crate::discovery::{Discovery, DiscoveryVerdict, FormNumber, Proposal};
+use crate::finding::EffectFinding;
 use crate::held_out::{Validated, fit_and_validate, validated};
 use crate::noise::squares_of_noise;
 use crate::observer::{Observer, Progress};
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
+use crate::workflow::estimates::{Estimated, estimated, with_values};
 use crate::workflow::explain::{Explanation, add_what_is_found};
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Options};
@@ -43,6 +43,10 @@ const LEVER_STEPS: usize = 2;
 const RIVALS_JUDGED: usize = 2;
 /// Where drafts of effects come from, for messages.
 const HERE: &str = "discover";
+/// The first proposal.
+const FIRST: &str = "discovered-1";
+/// What a form says of itself before it is fitted.
+const DRAFT: &str = "Discovered.";
 
 /// Makes flights that are read from now on include what forms may depend on besides: the time of each row, where a load hangs,
 /// where another craft flies. Columns that the effects of users name come first, where there is no room for all.
@@ -50,6 +54,18 @@ pub fn prepare_to_discover() {
     for (name, _) in USUAL_COLUMNS {
         place_of_column(name);
     }
+}
+
+/// Training flights that a form is fitted to and left out of, one after the other.
+const LEAST_TRAINING_FLIGHTS: usize = 2;
+
+/// Whether there are flights enough to discover anything by.
+///
+/// # Errors
+/// Where there are not.
+pub fn can_discover(sets: &FlightSets) -> Result<(), WorkflowError> {
+    let train = sets.train().len();
+    if train < LEAST_TRAINING_FLIGHTS { Err(WorkflowError::TooFewToDiscover { train }) } else { Ok(()) }
 }
 
 /// Searches what is left of flights that have been explained by known effects.
@@ -70,6 +86,7 @@ pub fn discover(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Discovery, WorkflowError> {
+    can_discover(sets)?;
     sets.hold_against(model, own, observer)?;
     let diagnosis = search(model, sets, options, observer)?;
     let (steps, _) = add_what_is_found(model, diagnosis, sets, options, observer)?;
@@ -86,12 +103,14 @@ fn discover_beyond(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Discovery, WorkflowError> {
+    can_discover(sets)?;
     let variables = Variable::all(&sets.train(), model);
     let hunt = Hunt { model, sets, variables: &variables, options, observer };
     let mut terms: Vec<Refined> = Vec::new();
     let known_fit = hunt.fitted(model)?;
-    let mut left = hunt.left(&known_fit);
-    let (mut rest, mut refused) = (known_fit.clone(), None);
+    let left_by = |rest: &Validated| what_is_left(rest, &sets.train(), &sets.validate()).unexplained;
+    let mut left = left_by(&known_fit);
+    let (mut rest, mut last, mut refused) = (known_fit.clone(), None, None);
     let found = candidates(&sets.train(), model, &variables, observer);
     let mut further: Option<Candidates> = None;
     loop {
@@ -106,8 +125,9 @@ fn discover_beyond(
             Next::Term(found) => {
                 let (term, with) = *found;
                 terms.push(term);
-                rest = validated(with, &sets.validate()).map_err(|why| sets.blame(why))?;
-                left = hunt.left(&rest);
+                rest = validated(with.fit.clone(), &sets.validate()).map_err(|why| sets.blame(why))?;
+                left = left_by(&rest);
+                last = Some(with);
             }
             Next::Refused(why) => {
                 refused = Some(why);
@@ -120,7 +140,7 @@ fn discover_beyond(
         }
         further = Some(candidates(&sets.train(), &rest.fit.model, &variables, observer));
     }
-    let (proposals, model) = hunt.proposals(&known_fit, &terms, &found)?;
+    let (proposals, model) = hunt.proposals(&known_fit, &terms, last, &found)?;
     let verdict = match (proposals.is_empty(), left.is_empty()) {
         (false, _) => DiscoveryVerdict::Proposed,
         (true, true) => DiscoveryVerdict::Nothing,
@@ -132,7 +152,7 @@ fn discover_beyond(
 
 /// What comes of a search for a further term.
 enum Next {
-    Term(Box<(Refined, Fit)>),
+    Term(Box<(Refined, Addition)>),
     /// Why there is none.
     Refused(String),
 }
@@ -172,22 +192,22 @@ impl Hunt<'_> {
     /// bear it out.
     fn next_term(&self, about: &Validated, found: &Candidates, terms: &[Refined]) -> Next {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
-        let id = format!("discovered-term-{}", terms.len() + 1);
+        let id = if terms.is_empty() { FIRST.into() } else { format!("discovered-term-{}", terms.len() + 1) };
         let mut refused: Option<String> = None;
         let mut asked: Vec<Asked> = Vec::new();
         // All terms together become one effect of users, which has its limits.
         let joins = |chosen: &&Refined| {
             let all: Vec<Refined> = terms.iter().chain([*chosen]).cloned().collect();
-            let joint = define(&id, "Terms.".into(), &all, self.variables);
+            let joint = define(&id, DRAFT.into(), &all, self.variables);
             effects::check(&file_of(vec![joint.definition]), Path::new(HERE)).is_ok()
         };
         for chosen in ranked(&found.refined, self.variables).into_iter().filter(joins).take(FITTED) {
             let (axes, numbers) = (chosen.form.channel.axes(), chosen.form.count(self.variables));
             let Some(questions) = questions(axes, numbers, &asked) else { continue };
-            let defined = define(&id, "A term.".into(), std::slice::from_ref(chosen), self.variables);
+            let defined = define(&id, DRAFT.into(), std::slice::from_ref(chosen), self.variables);
             let why = match self.judge(about, &defined) {
                 Ok(addition) if holds(&addition, questions) => {
-                    return Next::Term(Box::new(self.settled(about, &id, chosen, addition.fit)));
+                    return Next::Term(Box::new(self.settled(about, &id, chosen, addition)));
                 }
                 Ok(addition) if terms.is_empty() && addition.finding.p_value > SIGNIFICANCE => {
                     // The training flights alone do not tell its numbers: those held out were not asked.
@@ -207,37 +227,43 @@ impl Hunt<'_> {
         )
     }
 
-    /// A term that holds, and the fit with it. What a rotor does was known from a model without the term: where that counts, it is
+    /// A term that holds, and the model with it. What a rotor does was known from a model without the term: where that counts, it is
     /// fitted again with what the model with the term says.
-    fn settled(&self, about: &Validated, id: &str, term: &Refined, fit: Fit) -> (Refined, Fit) {
-        let mut better = (term.clone(), fit);
+    fn settled(&self, about: &Validated, id: &str, term: &Refined, with: Addition) -> (Refined, Addition) {
+        let mut better = (term.clone(), with);
         for _ in 0..LEVER_STEPS {
-            let Some(channel) = term.form.channel.with_levers_of(&better.1.model) else { break };
+            let Some(channel) = term.form.channel.with_levers_of(&better.1.fit.model) else { break };
             let mut again = better.0.clone();
             again.form.channel = channel;
-            let defined = define(id, "A term.".into(), std::slice::from_ref(&again), self.variables);
+            let defined = define(id, DRAFT.into(), std::slice::from_ref(&again), self.variables);
             match self.judge(about, &defined) {
-                Ok(addition) if addition.finding.supported => better = (again, addition.fit),
+                Ok(addition) if addition.finding.supported => better = (again, addition),
                 _ => break,
             }
         }
         better
     }
 
-    /// The terms as one proposal, and their rivals as others; and the model with the first.
+    /// The terms as one proposal, and their rivals as others; and the model with the first. `last` is what came of the last term.
     fn proposals(
         &self,
         about: &Validated,
         terms: &[Refined],
+        last: Option<Addition>,
         found: &Candidates,
     ) -> Result<(Vec<Proposal>, Model), WorkflowError> {
         let Some(first) = terms.first() else { return Ok((Vec::new(), self.model.clone())) };
-        let (proposal, model) = self.propose(about, "discovered-1", terms, found)?;
+        // One term by itself is fitted already.
+        let known = last.filter(|_| terms.len() == 1);
+        let rivals = rivals(&found.refined, first, self.variables);
+        let (proposal, model) = self.propose((about, known), FIRST, (terms, &rivals[..]), found)?;
         let mut proposals = vec![proposal];
-        for rival in rivals(&found.refined, first, self.variables).into_iter().take(RIVALS_JUDGED) {
+        for rival in rivals.into_iter().take(RIVALS_JUDGED) {
             let id = format!("discovered-{}", proposals.len() + 1);
+            let others = self::rivals(&found.refined, rival, self.variables);
             // A rival that cannot be fitted with the model's own coefficients is none.
-            if let Ok((judged, _)) = self.propose(about, &id, std::slice::from_ref(rival), found)
+            if let Ok((judged, _)) =
+                self.propose((about, None), &id, (std::slice::from_ref(rival), &others[..]), found)
                 && judged.finding.supported
             {
                 proposals.push(judged);
@@ -248,75 +274,96 @@ impl Hunt<'_> {
 
     /// Fits an effect that was found with everything, and holds it against the flights held out.
     fn judge(&self, about: &Validated, defined: &Defined) -> Result<Addition, WorkflowError> {
-        let text = file_of(vec![defined.definition.clone()]);
-        let drafts = effects::draft(&text, Path::new(HERE))?;
-        let Some(user) = drafts.first() else { return Err(self.sets.blame(FitError::NoFlights)) };
+        let user = effects::draft_one(defined.definition.clone(), Path::new(HERE))?;
         let (train, validate) = (self.sets.train(), self.sets.validate());
-        add_to(about, Effect::User(*user), Some(&defined.values), (&train, &validate), self.options)
+        add_to(about, Effect::User(user), Some(&defined.values), (&train, &validate), self.options)
             .map_err(|why| self.sets.blame(why))
     }
 
-    /// Terms as one proposal, and the model with it.
+    /// Terms with bearings and times of lags as estimated, and what the flights held out say of them; nothing where they have none, or
+    /// these flights do not determine them.
+    fn estimated(&self, about: &Validated, id: &str, terms: &[Refined]) -> Option<(Estimated, Addition)> {
+        let fit = |defined: &Defined| Some(self.judge(about, defined).ok()?.finding.coefficients);
+        let estimated = estimated(terms, self.variables, fit)?;
+        let defined = define(id, DRAFT.into(), &estimated.terms, &estimated.variables);
+        let addition = self.judge(about, &defined).ok().filter(|addition| addition.finding.supported)?;
+        Some((estimated, addition))
+    }
+
+    /// Terms as one proposal, and the model with it; where they are known already, `known` is what the flights held out say of them.
     fn propose(
         &self,
-        about: &Validated,
+        (about, known): (&Validated, Option<Addition>),
         id: &str,
-        terms: &[Refined],
+        (terms, rivals): (&[Refined], &[&Refined]),
         found: &Candidates,
     ) -> Result<(Proposal, Model), WorkflowError> {
-        let variables = self.variables;
-        let thrust = self
-            .model
-            .term(Effect::Thrust)
-            .and_then(|term| term.coefficients.first())
-            .map_or(1.0, |c| c.value);
-        // A name for the fit; the words are those of what it finds.
-        let addition = self.judge(about, &define(id, "Discovered.".into(), terms, variables))?;
-        let fitted = with_values(terms, &addition.finding.coefficients);
-        let sentences: Vec<String> = fitted.iter().map(|term| sentence(term, variables, thrust)).collect();
-        let sentence = format!("{}.", sentences.join(". "));
-        let defined = define(id, sentence.chars().take(MOST_SENTENCE).collect(), &fitted, variables);
-        let forms: Vec<&Form> = terms.iter().map(|term| &term.form).collect();
-        let others = rivals(&found.refined, &terms[0], variables);
-        let other_forms: Vec<Form> = others.iter().map(|rival| rival.form.clone()).collect();
-        let mut names: Vec<&'static str> =
-            forms.iter().flat_map(|form| quantities(form, variables)).collect();
-        names.sort_unstable();
-        names.dedup();
-        let mut axes: Vec<Axis> = forms.iter().flat_map(|form| form.channel.axes()).copied().collect();
-        axes.sort_by_key(|axis| axis.index());
-        axes.dedup();
-        let finding = addition.finding;
+        let plain = || {
+            let (terms, variables) = (terms.to_vec(), self.variables.to_vec());
+            Estimated { terms, variables, constants: Vec::new(), std_errors: Vec::new() }
+        };
+        let (own, addition) = match (self.estimated(about, id, terms), known) {
+            (Some(better), _) => better,
+            (None, Some(known)) => (plain(), known),
+            // A name for the fit; the words are those of what it finds.
+            (None, None) => (plain(), self.judge(about, &define(id, DRAFT.into(), terms, self.variables))?),
+        };
+        let share = self.share_percent(&addition);
+        let other_forms: Vec<Form> = rivals.iter().map(|rival| rival.form.clone()).collect();
         let proposal = Proposal {
-            id: id.to_owned(),
-            axes,
-            formula: formula(&defined.definition),
-            quantities: names,
-            sentence,
-            physics: known_physics(&fitted[0], variables),
-            coefficients: finding.coefficients.clone(),
-            drop_percent: finding.axes.iter().map(|(axis, drop)| (*axis, drop.drop_percent)).collect(),
-            share_of_structure_percent: self.share_percent(
-                &addition.before,
-                &addition.after,
-                &finding.axes.keys().copied().collect::<Vec<_>>(),
-            ),
-            p_value: found.p_value.max(finding.held_out_p_value.unwrap_or(1.0)),
+            p_value: found.p_value.max(addition.finding.held_out_p_value.unwrap_or(1.0)),
             splits: [terms[0].improved, self.sets.train().len()],
-            flights_improved: finding.flights_improved,
-            rivals: others.iter().map(|rival| short(&rival.form, variables)).collect(),
-            excite: to_fly(forms[0], &other_forms, variables),
-            definition: defined.definition,
-            finding,
+            rivals: rivals.iter().map(|rival| short(&rival.form, self.variables)).collect(),
+            excite: to_fly(&terms[0].form, &other_forms, self.variables),
+            share_of_structure_percent: share,
+            ..self.described(id, &own, addition.finding)
         };
         Ok((proposal, addition.fit.model))
     }
 
-    /// Share of what is above the sensors' noise that falls, over some axes, each in units of what it was.
-    fn share_percent(&self, before: &PerAxis<f64>, after: &PerAxis<f64>, axes: &[&str]) -> f64 {
+    /// What a proposal says of its form.
+    fn described(&self, id: &str, own: &Estimated, finding: EffectFinding) -> Proposal {
+        let variables = &own.variables;
+        let thrust = self.model.term(Effect::Thrust).and_then(|term| term.coefficients.first());
+        let thrust = thrust.map_or(1.0, |coefficient| coefficient.value);
+        let fitted = with_values(&own.terms, finding.coefficients.iter().map(|own| own.value));
+        let sentences: Vec<String> = fitted.iter().map(|term| sentence(term, variables, thrust)).collect();
+        let sentence = format!("{}.", sentences.join(". "));
+        let defined = define(id, sentence.chars().take(MOST_SENTENCE).collect(), &fitted, variables);
+        let numbers = finding.coefficients.iter().zip(&defined.units).enumerate();
+        let coefficients = numbers.map(|(k, (figures, unit))| FormNumber {
+            name: figures.name.to_owned(),
+            value: figures.value,
+            std_error: own.std_errors.get(k).copied().unwrap_or(figures.std_error),
+            unit: unit.clone(),
+        });
+        Proposal {
+            id: id.to_owned(),
+            axes: axes(&fitted),
+            formula: formula(&defined.definition),
+            quantities: names(&fitted, variables),
+            sentence,
+            physics: known_physics(&fitted[0], variables),
+            coefficients: coefficients.collect(),
+            constants: own.constants.clone(),
+            drop_percent: finding.axes.iter().map(|(axis, drop)| (*axis, drop.drop_percent)).collect(),
+            share_of_structure_percent: 0.0,
+            p_value: 1.0,
+            splits: [0, 0],
+            flights_improved: finding.flights_improved,
+            rivals: Vec::new(),
+            excite: String::new(),
+            definition: defined.definition,
+            finding,
+        }
+    }
+
+    /// Share of what is above the sensors' noise that falls, over the axes of an effect, each in units of what it was.
+    fn share_percent(&self, addition: &Addition) -> f64 {
+        let Addition { before, after, finding, .. } = addition;
         let noise = squares_of_noise(&self.sets.validate());
         let (mut fall, mut all) = (0.0, 0.0);
-        for axis in model::AXES.into_iter().filter(|axis| axes.contains(&axis.name())) {
+        for axis in model::AXES.into_iter().filter(|axis| finding.axes.contains_key(axis.name())) {
             let floor = noise[axis.index()].unwrap_or(0.0);
             // In units of the noise, so that axes of rotation and of translation can be added.
             let unit = if floor > 0.0 { floor } else { after[axis].max(f64::MIN_POSITIVE) };
@@ -331,27 +378,23 @@ impl Hunt<'_> {
         fit_and_validate(model, &model.effects(), &self.sets.train(), &self.sets.validate())
             .map_err(|why| self.sets.blame(why))
     }
-
-    /// What a fit leaves beyond noise.
-    fn left(&self, rest: &Validated) -> Vec<Unexplained> {
-        what_is_left(rest, &self.sets.train(), &self.sets.validate()).unexplained
-    }
 }
 
-/// Forms with the values of a fit of them all, in the order of its coefficients.
-fn with_values(terms: &[Refined], coefficients: &[CoefficientFigures]) -> Vec<Refined> {
-    let mut values = coefficients.iter().map(|coefficient| coefficient.value);
-    let mut fitted = terms.to_vec();
-    for term in &mut fitted {
-        for amplitude in &mut term.amplitudes {
-            *amplitude = values.next().unwrap_or(*amplitude);
-        }
-        for parameter in term.form.parameters() {
-            let value = values.next().unwrap_or_else(|| term.form.value(parameter));
-            term.form = term.form.with(parameter, value);
-        }
-    }
-    fitted
+/// The axes that terms act on, each once.
+fn axes(terms: &[Refined]) -> Vec<Axis> {
+    let mut axes: Vec<Axis> = terms.iter().flat_map(|term| term.form.channel.axes()).copied().collect();
+    axes.sort_by_key(|axis| axis.index());
+    axes.dedup();
+    axes
+}
+
+/// The quantities that terms depend on, each once.
+fn names(terms: &[Refined], variables: &[Variable]) -> Vec<&'static str> {
+    let mut names: Vec<&'static str> =
+        terms.iter().flat_map(|term| quantities(&term.form, variables)).collect();
+    names.sort_unstable();
+    names.dedup();
+    names
 }
 
 /// Longest sentence of a definition, characters.

@@ -63,6 +63,14 @@ pub enum WorkflowError {
         /// Why there is none.
         why: FitError,
     },
+    /// A search for a form that could not be tested.
+    #[error("a formula is proposed only where it predicts a flight that it was not fitted to: discover needs at least two training \
+             flights and one held-out flight, and there {} to fit on. Fly more, each with another pattern; three and two are better",
+             flights_to_fit_on(*train))]
+    TooFewToDiscover {
+        /// Training flights.
+        train: usize,
+    },
     /// An effect that cannot be asked about.
     #[error(transparent)]
     Why(WhyError),
@@ -89,6 +97,14 @@ impl WorkflowError {
             WhyError::Search(why) => Self::of_search(why, flights),
             other => Self::Why(other),
         }
+    }
+}
+
+fn flights_to_fit_on(count: usize) -> String {
+    match count {
+        0 => "is none".to_owned(),
+        1 => "is one".to_owned(),
+        more => format!("are {more}"),
     }
 }
 

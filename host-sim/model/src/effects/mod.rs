@@ -147,6 +147,15 @@ pub fn draft(text: &str, path: &Path) -> Result<Vec<User>, UserEffectError> {
     user_effects::draft(text, path, &taken())
 }
 
+/// Checks a definition of the program's own making, so that it can be fitted, as [`draft`] does. It does not count among the texts that
+/// users try.
+///
+/// # Errors
+/// As [`draft`].
+pub fn draft_one(definition: Definition, path: &Path) -> Result<User, UserEffectError> {
+    user_effects::draft_one(definition, path, &taken())
+}
+
 /// Checks the text of a file of effects as [`draft`] does, and keeps nothing.
 pub fn check(text: &str, path: &Path) -> Result<(), UserEffectError> {
     user_effects::parse(text, path, &taken()).map(drop)

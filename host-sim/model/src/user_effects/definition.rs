@@ -9,6 +9,8 @@ use serde::{Deserialize, Serialize};
 pub const MAX_EFFECTS: usize = 16;
 /// Most definitions in one program: an effect that is edited has one for each of its texts.
 pub const MAX_DEFINITIONS: usize = 4096;
+/// Most definitions of the program's own making, such as forms that a search tries: some hundred megabytes.
+pub(super) const MAX_OWN_DEFINITIONS: usize = 65_536;
 /// Largest file, bytes.
 pub const MAX_FILE_BYTES: u64 = 64 * 1024;
 /// Most coefficients of one effect.

@@ -47,4 +47,4 @@ pub use definition::{
 pub use effect::UserEffect;
 pub use scanner::functions;
 pub use user::{Undefined, User};
-pub(crate) use user::{all, define, draft, parse, read};
+pub(crate) use user::{all, define, draft, draft_one, parse, read};

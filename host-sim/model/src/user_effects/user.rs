@@ -16,8 +16,8 @@ use crate::memory::LagId;
 use crate::sample::Sample;
 use crate::user_effects::check::Known;
 use crate::user_effects::definition::{
-    Definition, File, MAX_COEFFICIENTS, MAX_DEFINITIONS, MAX_EFFECTS, MAX_FILE_BYTES, MAX_STARTS,
-    UserEffectError,
+    Definition, File, MAX_COEFFICIENTS, MAX_DEFINITIONS, MAX_EFFECTS, MAX_FILE_BYTES, MAX_OWN_DEFINITIONS,
+    MAX_STARTS, UserEffectError,
 };
 use crate::user_effects::effect::UserEffect;
 use crate::user_effects::row::{INERTIAL, Row};
@@ -225,6 +225,16 @@ pub(crate) fn draft(text: &str, path: &Path, catalogue: &[&str]) -> Result<Vec<U
     parse(text, path, catalogue)?.into_iter().map(|effect| registry().keep(effect, path)).collect()
 }
 
+/// Checks a definition of the program's own making and keeps it, without making it known.
+pub(crate) fn draft_one(
+    definition: Definition,
+    path: &Path,
+    catalogue: &[&str],
+) -> Result<User, UserEffectError> {
+    let effect = UserEffect::check(definition, path, &known_beside(catalogue))?;
+    registry().keep_own(effect, path)
+}
+
 /// Checks a definition of a model file and makes it known. What it is confused with may be defined in a file that is not here.
 pub(crate) fn define(
     definition: Definition,
@@ -243,13 +253,15 @@ fn known_beside<'a>(catalogue: &'a [&'a str]) -> Known<'a> {
 /// Users' effects of this program.
 struct Registry {
     /// All definitions that were kept. They are never given back, so that an effect can be copied: some kilobytes each, and
-    /// no more than [`MAX_DEFINITIONS`].
+    /// no more than [`MAX_DEFINITIONS`] of users and [`MAX_OWN_DEFINITIONS`] of the program's own.
     kept: Vec<User>,
+    /// How many of them the program made itself.
+    own: usize,
     /// What identifiers mean.
     known: Vec<User>,
 }
 
-static REGISTRY: RwLock<Registry> = RwLock::new(Registry { kept: Vec::new(), known: Vec::new() });
+static REGISTRY: RwLock<Registry> = RwLock::new(Registry { kept: Vec::new(), own: 0, known: Vec::new() });
 
 fn registry() -> RwLockWriteGuard<'static, Registry> {
     REGISTRY.write().unwrap_or_else(PoisonError::into_inner)
@@ -262,10 +274,23 @@ pub(crate) fn all() -> Vec<User> {
 
 impl Registry {
     fn keep(&mut self, effect: UserEffect, path: &Path) -> Result<User, UserEffectError> {
+        let is_full = self.kept.len() - self.own >= MAX_DEFINITIONS;
+        self.put(effect, is_full, path)
+    }
+
+    /// Keeps one of the program's own making.
+    fn keep_own(&mut self, effect: UserEffect, path: &Path) -> Result<User, UserEffectError> {
+        let before = self.kept.len();
+        let user = self.put(effect, self.own >= MAX_OWN_DEFINITIONS, path)?;
+        self.own += self.kept.len() - before;
+        Ok(user)
+    }
+
+    fn put(&mut self, effect: UserEffect, is_full: bool, path: &Path) -> Result<User, UserEffectError> {
         if let Some(same) = self.kept.iter().find(|user| *user.definition() == effect.definition) {
             return Ok(*same);
         }
-        if self.kept.len() >= MAX_DEFINITIONS {
+        if is_full {
             return Err(UserEffectError::TooManyChanges { path: path.to_owned() });
         }
         let info = effect.info();

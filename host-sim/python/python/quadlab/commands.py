@@ -395,9 +395,10 @@ def discover(
 
     Known effects come first: those that the model lacks are added. The residual is then searched for a
     force or a moment that depends on measured quantities, on place or on time. The form is chosen on
-    the training flights and tested on the held-out ones. With out it is written as an effect of your
-    own, which `quadlab add effects` takes. Where nothing is left, nothing is proposed; where no formula
-    predicts the residual of other flights (turbulence), the answer is `not-a-formula`.
+    the training flights and tested on the held-out ones: it takes two training flights and one held-out
+    flight at least; three and two are better. With out it is written as an effect of your own, which
+    `quadlab add effects` takes. Where nothing is left, nothing is proposed; where no formula predicts
+    the residual of other flights (turbulence), the answer is `not-a-formula`.
 
     model: Model file to start from.
     vehicle: Vehicle file, where there is no model yet.

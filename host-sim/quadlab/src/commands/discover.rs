@@ -19,8 +19,9 @@ use crate::render::{discovery_page, pages, tables};
 ///
 /// Known effects come first: those that the model lacks are added. The residual is then searched for a force or a moment that
 /// depends on measured quantities, on place or on time. The form is chosen on the training flights and tested on the held-out
-/// ones. With --out it is written as an effect of your own, which `quadlab add --effects` takes. Where nothing is left, nothing is
-/// proposed; where no formula predicts the residual of other flights (turbulence), the answer is `not-a-formula`.
+/// ones: it takes two training flights and one held-out flight at least; three and two are better. With --out it is written as an
+/// effect of your own, which `quadlab add --effects` takes. Where nothing is left, nothing is proposed; where no formula predicts
+/// the residual of other flights (turbulence), the answer is `not-a-formula`.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab discover --model model.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out effects.toml\n  \
@@ -79,6 +80,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
             vehicle_of(options.vehicle.as_ref(), options.sets.named(), &files.paths(), &terminal)?;
         options.faults.apply(&files.paths(), &vehicle)?;
         let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
+        workflow::can_discover(&sets)?;
         let explanation = workflow::explain(&vehicle, &effects, &mut sets, &search, None, &terminal)?;
         (workflow::discover_after(&explanation, &sets, &search, &terminal)?, sets)
     };

@@ -80,6 +80,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         workflow::prepare_to_discover();
     }
     let mut sets = files.read(&vehicle, options.faults.reading()?, &terminal)?;
+    if options.discover {
+        workflow::can_discover(&sets)?;
+    }
     let explanation =
         workflow::explain(&vehicle, &effects, &mut sets, &search, options.refine.rows(), &terminal)?;
     let discovery = options

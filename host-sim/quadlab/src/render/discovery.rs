@@ -62,8 +62,8 @@ fn share(percent_of_all: f64) -> String {
 
 fn proposal_text(proposal: &Proposal) -> String {
     let mut lines = vec![format!("{}: {}", proposal.id, proposal.formula)];
-    for c in &proposal.coefficients {
-        lines.push(format!("  {} = {}", c.name, report::number::with_error(c.value, c.std_error, c.unit)));
+    for c in proposal.coefficients.iter().chain(&proposal.constants) {
+        lines.push(format!("  {} = {}", c.name, report::number::with_error(c.value, c.std_error, &c.unit)));
     }
     let drops: Vec<String> =
         proposal.drop_percent.iter().map(|(axis, drop)| format!("{axis} {} %", percent(*drop))).collect();

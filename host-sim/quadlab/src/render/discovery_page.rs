@@ -42,8 +42,8 @@ pub(crate) fn sections(sets: &FlightSets, discovery: &Discovery) -> Vec<Section>
 /// A proposal in words and numbers.
 fn about(proposal: &Proposal) -> Section {
     let mut coefficients = Grid::new("Coefficients", [text("name"), text("value")]);
-    for c in &proposal.coefficients {
-        coefficients.push([c.name.to_owned(), with_error(c.value, c.std_error, c.unit)]);
+    for c in proposal.coefficients.iter().chain(&proposal.constants) {
+        coefficients.push([c.name.clone(), with_error(c.value, c.std_error, &c.unit)]);
     }
     let section = Section::new(proposal.id.clone())
         .paragraph(proposal.sentence.clone())

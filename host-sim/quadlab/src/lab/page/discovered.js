@@ -8,7 +8,8 @@ import { prose, short, unit, withError } from "./numbers.js";
 /** @typedef {import("./main.js").App} App */
 /** @typedef {{own: string, text: string, formula: string, sentence: string, physics?: string, quantities: string[], rivals: string[],
  *   excite: string, drop_percent: Record<string, number>, flights_improved: [number, number],
- *   coefficients: {name: string, value: number, std_error: number, unit: string}[]}} Proposal */
+ *   coefficients: FormNumber[], constants?: FormNumber[]}} Proposal */
+/** @typedef {{name: string, value: number, std_error: number, unit: string}} FormNumber */
 
 /** Answers by model. @type {Map<number, Promise<any>>} */
 const asked = new Map();
@@ -69,7 +70,7 @@ function card(app, proposal) {
     el(
       "dl",
       { class: "coefficients" },
-      proposal.coefficients.flatMap((one) => [
+      [...proposal.coefficients, ...(proposal.constants ?? [])].flatMap((one) => [
         el("dt", {}, one.name),
         el("dd", {}, `${withError(one.value, one.std_error)} ${unit(one.unit)}`),
       ]),
