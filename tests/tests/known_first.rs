@@ -4,22 +4,19 @@
 use diagnosis::workflow::{self, FlightSets, Reading, Silent};
 use diagnosis::{Discovery, Options};
 use model::Effect;
-use stories::world::{PLANTED, Pattern, Sensors, Size, World, changes};
-
-/// Crafts drawn before a trial is given up: one that its pilot cannot keep is no answer.
-const DRAWS: u64 = 5;
+use stories::world::{PLANTED, Pattern, Sensors, Size, World, changes, draws};
 
 /// What is discovered of five flights of a craft with an effect of the catalogue in it.
 fn discovered(id: &str, strength: f64, size: Size, seed: u64) -> Discovery {
     workflow::prepare_to_discover();
     let sensors = Sensors::noisy(1.0);
-    let flights = |draw: u64| {
-        let world = World::new(size, seed + draw * 1_000_000).with(id, strength).unwrap();
+    let flights = |seed: u64| {
+        let world = World::new(size, seed).with(id, strength).unwrap();
         let fly = |pattern: Pattern| world.fly(pattern, 24.0, &sensors, 0).ok();
         let all = Pattern::TRAIN.into_iter().chain(Pattern::VALIDATE).map(fly).collect::<Option<Vec<_>>>()?;
         Some((world, all))
     };
-    let (world, all) = (0..DRAWS).find_map(flights).expect("a craft that its pilot can keep");
+    let (world, all) = draws(seed).find_map(flights).expect("a craft that its pilot can keep");
     let (train, validate) = all.split_at(Pattern::TRAIN.len());
     let mut sets =
         FlightSets::from_flights(train, validate, &world.vehicle, Reading::default(), &Silent).unwrap();

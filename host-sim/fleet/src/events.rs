@@ -122,6 +122,11 @@ pub struct Event {
 }
 
 impl Event {
+    /// The best explanation, then those that explain as much.
+    pub fn best_explanations(&self) -> impl Iterator<Item = &Explanation> {
+        best(&self.explanations)
+    }
+
     /// Puts in what the logs say.
     pub(crate) fn put_logs(&mut self, in_logs: Option<CauseInLogs>) {
         self.causes_disagree = in_logs.as_ref().is_some_and(|logs| disagree(&self.explanations, logs));
@@ -129,19 +134,24 @@ impl Event {
     }
 }
 
+/// The best explanation, then those that explain as much.
+fn best(explanations: &[Explanation]) -> impl Iterator<Item = &Explanation> {
+    let (first, others) = explanations.split_at(explanations.len().min(1));
+    first.iter().chain(others.iter().filter(|own| own.as_good_as_the_best))
+}
+
 /// Whether what the logs say is none of the best explanations, nor any of these among what the logs take for the same.
 fn disagree(explanations: &[Explanation], logs: &CauseInLogs) -> bool {
     if !logs.is_answer() {
         return false;
     }
-    let mut best = explanations.iter().enumerate().filter(|(k, own)| *k == 0 || own.as_good_as_the_best);
     let is_same = |own: &Explanation| {
         let effect = own.effect.id();
         logs.effect.as_deref() == Some(effect) && logs.motor == own.motor
             || logs.confounded_with.iter().any(|other| other == effect)
     };
     match logs.effect {
-        Some(_) => !best.any(|(_, own)| is_same(own)),
+        Some(_) => !best(explanations).any(is_same),
         None => !explanations.is_empty(),
     }
 }

@@ -18,7 +18,7 @@ use flights::Flight;
 use model::{AXES, Effect, Model, PerAxis, QUANTITIES};
 use rayon::prelude::*;
 use serde_json::json;
-use stories::world::{Pattern, Sensors, Size, World};
+use stories::world::{Pattern, Sensors, Size, World, draws};
 
 /// Measure how often forms that no catalogue has are discovered
 #[derive(Parser)]
@@ -145,8 +145,6 @@ struct Outcome {
 
 /// Gusts, where nothing else is planted and the strength is not 0.
 const TURBULENCE: &str = "gusts";
-/// Crafts drawn for a trial before it is given up.
-const DRAWS: u64 = 5;
 /// What a proposal has to take, percent.
 const ENOUGH_PERCENT: f64 = 80.0;
 
@@ -241,8 +239,8 @@ impl Trial<'_> {
 /// A craft that its pilot cannot keep is no answer: another is drawn.
 fn outcome(trial: &Trial<'_>, arguments: &Arguments) -> anyhow::Result<Outcome> {
     let mut last = None;
-    for draw in 0..DRAWS {
-        let trial = Trial { seed: trial.seed + draw * 1_000_000, ..*trial };
+    for seed in draws(trial.seed) {
+        let trial = Trial { seed, ..*trial };
         let calm = World::new(trial.size, trial.seed);
         let id = trial.hidden.map_or(TURBULENCE, |form| form.id);
         let world = if trial.strength > 0.0 { calm.clone().with(id, trial.strength)? } else { calm.clone() };

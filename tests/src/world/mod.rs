@@ -74,6 +74,14 @@ pub struct Lost {
     pub time_s: f64,
 }
 
+/// Crafts drawn for a trial before it is given up.
+const DRAWS: u64 = 5;
+
+/// Seeds of a trial: a craft that its pilot cannot keep is no answer of the product, and the next one is drawn.
+pub fn draws(seed: u64) -> impl Iterator<Item = u64> {
+    (0..DRAWS).map(move |draw| seed + draw * 1_000_000)
+}
+
 impl World {
     /// A calm world: a craft of `size` drawn from `seed`.
     pub fn new(size: Size, seed: u64) -> Self {

@@ -189,21 +189,31 @@ fn to_be_tuned(refined: &[Refined], variables: &[Variable]) -> Vec<bool> {
 /// Goes over to relatives of the variables of a form as long as it is worth more with them, the rough ones first.
 fn tune(problem: &Problem<'_>, best: &mut Refined, variables: &[Variable]) {
     for grid in [Grid::Rough, Grid::Fine] {
-        for index in 0..best.form.factors.len() {
+        for factor in 0..best.form.factors.len() {
             for _ in 0..STEPS_AMONG_RELATIVES {
-                let relatives = variables[best.form.factors[index].variable].relatives(variables, grid);
-                let nearest = relatives.into_iter().take(NEAREST).filter_map(|variable| {
-                    let mut form = best.form.clone();
-                    form.factors[index].variable = variable;
-                    refine(problem, &form, variables)
-                });
-                match nearest.max_by(|one, other| one.gain_left_out.total_cmp(&other.gain_left_out)) {
-                    Some(better) if better.gain_left_out > best.gain_left_out => *best = better,
-                    _ => break,
-                }
+                let Some(better) = better_relative(problem, best, (factor, variables), grid) else { break };
+                *best = better;
             }
         }
     }
+}
+
+/// A form with one of the nearest relatives of the variable of a factor, if it is worth more with that.
+fn better_relative(
+    problem: &Problem<'_>,
+    best: &Refined,
+    (factor, variables): (usize, &[Variable]),
+    grid: Grid,
+) -> Option<Refined> {
+    let relatives = variables[best.form.factors[factor].variable].relatives(variables, grid);
+    let with = |variable: usize| {
+        let mut form = best.form.clone();
+        form.factors[factor].variable = variable;
+        refine(problem, &form, variables)
+    };
+    let nearest = relatives.into_iter().take(NEAREST).filter_map(with);
+    let better = nearest.max_by(|one, other| one.gain_left_out.total_cmp(&other.gain_left_out))?;
+    (better.gain_left_out > best.gain_left_out).then_some(better)
 }
 
 /// The best form with a way to act that has a wider one, with that. Waves along two directions seldom have their crests together: two

@@ -40,16 +40,19 @@ pub(crate) struct ChosenCoefficient {
 
 /// The effect that acts as forms do together.
 pub(crate) fn define(id: &str, sentence: String, terms: &[Refined], variables: &[Variable]) -> Defined {
-    define_with(id, sentence, terms, variables, &|_| false)
+    written(id, sentence, (terms, variables), false)
 }
 
-/// The same with the bearings and the times of lags of some factors, given by their term and their place in it, among the coefficients.
-pub(crate) fn define_with(
+/// The same with the bearings and the times of lags among the coefficients.
+pub(crate) fn define_free(id: &str, sentence: String, terms: &[Refined], variables: &[Variable]) -> Defined {
+    written(id, sentence, (terms, variables), true)
+}
+
+fn written(
     id: &str,
     sentence: String,
-    terms: &[Refined],
-    variables: &[Variable],
-    is_free: &dyn Fn([usize; 2]) -> bool,
+    (terms, variables): (&[Refined], &[Variable]),
+    is_free: bool,
 ) -> Defined {
     let mut rows: BTreeMap<String, String> = BTreeMap::new();
     let names = Names { taken: Vec::new() };
@@ -60,8 +63,7 @@ pub(crate) fn define_with(
         let amplitudes = own.amplitudes(term);
         let center = own.center(form);
         let factors = 0..form.factors.len();
-        let named: Vec<Named> =
-            factors.map(|factor| own.factor(form, [place, factor], is_free([place, factor]))).collect();
+        let named: Vec<Named> = factors.map(|factor| own.factor(form, [place, factor], is_free)).collect();
         for row in form.channel.rows(&center) {
             let shapes = shapes_text(form, variables, (&center, &named), row.rotor);
             let text = format!("{}{}{shapes}{}", row.before, amplitudes[row.amplitude], row.after);

@@ -187,7 +187,7 @@ impl Variable {
         }
     }
 
-    /// The same with another such number; nothing where there is none, or no room for another lag.
+    /// The same with another such number, near enough for it to go as far; nothing where there is none, or no room for another lag.
     pub(crate) fn with_chosen(&self, chosen: Chosen) -> Option<Self> {
         let mut other = self.clone();
         match (&mut other.source, chosen) {

@@ -20,7 +20,7 @@ use crate::discovery::refine::Refined;
 use crate::discovery::variables::Variable;
 use crate::discovery::words::{formula, known_physics, sentence, short, to_fly};
 use crate::discovery::{Discovery, DiscoveryVerdict, FormNumber, Proposal};
-use crate::finding::EffectFinding;
+use crate::finding::{CoefficientFigures, EffectFinding};
 use crate::held_out::{Validated, fit_and_validate, validated};
 use crate::noise::squares_of_noise;
 use crate::observer::{Observer, Progress};
@@ -75,6 +75,7 @@ pub fn discover_after(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Discovery, WorkflowError> {
+    can_discover(sets)?;
     discover_beyond(explanation.last_model(), explanation.found(), sets, options, observer)
 }
 
@@ -103,7 +104,6 @@ fn discover_beyond(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Discovery, WorkflowError> {
-    can_discover(sets)?;
     let variables = Variable::all(&sets.train(), model);
     let hunt = Hunt { model, sets, variables: &variables, options, observer };
     let mut terms: Vec<Refined> = Vec::new();
@@ -283,7 +283,10 @@ impl Hunt<'_> {
     /// Terms with bearings and times of lags as estimated, and what the flights held out say of them; nothing where they have none, or
     /// these flights do not determine them.
     fn estimated(&self, about: &Validated, id: &str, terms: &[Refined]) -> Option<(Estimated, Addition)> {
-        let fit = |defined: &Defined| Some(self.judge(about, defined).ok()?.finding.coefficients);
+        let fit = |defined: &Defined| {
+            let addition = self.judge(about, defined).ok()?;
+            addition.fit.is_settled.then_some(addition.finding.coefficients)
+        };
         let estimated = estimated(terms, self.variables, fit)?;
         let defined = define(id, DRAFT.into(), &estimated.terms, &estimated.variables);
         let addition = self.judge(about, &defined).ok().filter(|addition| addition.finding.supported)?;
@@ -308,21 +311,20 @@ impl Hunt<'_> {
             // A name for the fit; the words are those of what it finds.
             (None, None) => (plain(), self.judge(about, &define(id, DRAFT.into(), terms, self.variables))?),
         };
-        let share = self.share_percent(&addition);
-        let other_forms: Vec<Form> = rivals.iter().map(|rival| rival.form.clone()).collect();
-        let proposal = Proposal {
-            p_value: found.p_value.max(addition.finding.held_out_p_value.unwrap_or(1.0)),
-            splits: [terms[0].improved, self.sets.train().len()],
-            rivals: rivals.iter().map(|rival| short(&rival.form, self.variables)).collect(),
-            excite: to_fly(&terms[0].form, &other_forms, self.variables),
-            share_of_structure_percent: share,
-            ..self.described(id, &own, addition.finding)
-        };
-        Ok((proposal, addition.fit.model))
+        let model = addition.fit.model.clone();
+        Ok((self.described(id, (&own, addition), (&terms[0], rivals), found.p_value), model))
     }
 
-    /// What a proposal says of its form.
-    fn described(&self, id: &str, own: &Estimated, finding: EffectFinding) -> Proposal {
+    /// What a proposal says of its form: `first` is its first term as the search found it.
+    fn described(
+        &self,
+        id: &str,
+        (own, addition): (&Estimated, Addition),
+        (first, rivals): (&Refined, &[&Refined]),
+        search_p_value: f64,
+    ) -> Proposal {
+        let share_of_structure_percent = self.share_percent(&addition);
+        let finding = addition.finding;
         let variables = &own.variables;
         let thrust = self.model.term(Effect::Thrust).and_then(|term| term.coefficients.first());
         let thrust = thrust.map_or(1.0, |coefficient| coefficient.value);
@@ -330,13 +332,7 @@ impl Hunt<'_> {
         let sentences: Vec<String> = fitted.iter().map(|term| sentence(term, variables, thrust)).collect();
         let sentence = format!("{}.", sentences.join(". "));
         let defined = define(id, sentence.chars().take(MOST_SENTENCE).collect(), &fitted, variables);
-        let numbers = finding.coefficients.iter().zip(&defined.units).enumerate();
-        let coefficients = numbers.map(|(k, (figures, unit))| FormNumber {
-            name: figures.name.to_owned(),
-            value: figures.value,
-            std_error: own.std_errors.get(k).copied().unwrap_or(figures.std_error),
-            unit: unit.clone(),
-        });
+        let other_forms: Vec<Form> = rivals.iter().map(|rival| rival.form.clone()).collect();
         Proposal {
             id: id.to_owned(),
             axes: axes(&fitted),
@@ -344,15 +340,15 @@ impl Hunt<'_> {
             quantities: names(&fitted, variables),
             sentence,
             physics: known_physics(&fitted[0], variables),
-            coefficients: coefficients.collect(),
+            coefficients: numbers(&finding, &defined.units, &own.std_errors),
             constants: own.constants.clone(),
             drop_percent: finding.axes.iter().map(|(axis, drop)| (*axis, drop.drop_percent)).collect(),
-            share_of_structure_percent: 0.0,
-            p_value: 1.0,
-            splits: [0, 0],
+            share_of_structure_percent,
+            p_value: search_p_value.max(finding.held_out_p_value.unwrap_or(1.0)),
+            splits: [first.improved, self.sets.train().len()],
             flights_improved: finding.flights_improved,
-            rivals: Vec::new(),
-            excite: String::new(),
+            rivals: rivals.iter().map(|rival| short(&rival.form, self.variables)).collect(),
+            excite: to_fly(&first.form, &other_forms, self.variables),
             definition: defined.definition,
             finding,
         }
@@ -378,6 +374,17 @@ impl Hunt<'_> {
         fit_and_validate(model, &model.effects(), &self.sets.train(), &self.sets.validate())
             .map_err(|why| self.sets.blame(why))
     }
+}
+
+/// Coefficients with their units for people, and with the errors that allow for bearings and times of lags where there are any.
+fn numbers(finding: &EffectFinding, units: &[String], std_errors: &[f64]) -> Vec<FormNumber> {
+    let number = |(k, (figures, unit)): (usize, (&CoefficientFigures, &String))| FormNumber {
+        name: figures.name.to_owned(),
+        value: figures.value,
+        std_error: std_errors.get(k).copied().unwrap_or(figures.std_error),
+        unit: unit.clone(),
+    };
+    finding.coefficients.iter().zip(units).enumerate().map(number).collect()
 }
 
 /// The axes that terms act on, each once.

@@ -6,7 +6,7 @@
 
 use crate::discovery::FormNumber;
 use crate::discovery::chosen::Chosen;
-use crate::discovery::define::{Defined, define_with};
+use crate::discovery::define::{Defined, define_free};
 use crate::discovery::refine::Refined;
 use crate::discovery::variables::Variable;
 use crate::finding::CoefficientFigures;
@@ -42,20 +42,11 @@ pub(super) fn estimated(
         std_errors: vec![],
     };
     for _ in 0..PASSES {
-        let is_free = |[term, factor]: [usize; 2]| {
-            let factor = &own.terms[term].form.factors[factor];
-            own.variables[factor.variable].chosen().is_some()
-        };
-        let defined = define_with("chosen", "Estimates.".into(), &own.terms, &own.variables, &is_free);
+        let defined = define_free("chosen", "Estimates.".into(), &own.terms, &own.variables);
         if defined.chosen.is_empty() {
             return None;
         }
-        // A fit that finds no end leaves all of them where they were.
-        let figures = fit(&defined)?;
-        if figures.iter().zip(&defined.values).all(|(found, start)| found.value == *start) {
-            return None;
-        }
-        own = own.with(&defined, &figures)?;
+        own = own.with(&defined, &fit(&defined)?)?;
     }
     Some(own)
 }

@@ -119,10 +119,10 @@ fn dated(moment: &Moment) -> String {
 
 /// What explains a change, the logs' own answer first.
 fn explained(event: &Event) -> String {
-    let kept = match event.explanations.split_first() {
-        Some((best, others)) => {
-            let others: Vec<String> =
-                others.iter().filter(|own| own.as_good_as_the_best).map(named).collect();
+    let mut explanations = event.best_explanations();
+    let kept = match explanations.next() {
+        Some(best) => {
+            let others: Vec<String> = explanations.map(named).collect();
             let besides = if others.is_empty() {
                 String::new()
             } else {
@@ -138,7 +138,7 @@ fn explained(event: &Event) -> String {
         }
         Some(logs) => {
             let effect = logs.effect.clone().unwrap_or_else(|| logs.verdict.clone());
-            let motor = logs.motor.map(|motor| format!(" of motor {motor}")).unwrap_or_default();
+            let motor = of_motor(logs.motor);
             let others = logs.confounded_with.join(", ");
             let besides = if others.is_empty() { String::new() } else { format!(" (or {others})") };
             let warning = if event.causes_disagree {
@@ -153,8 +153,11 @@ fn explained(event: &Event) -> String {
 }
 
 fn named(own: &Explanation) -> String {
-    let motor = own.motor.map(|motor| format!(" of motor {motor}")).unwrap_or_default();
-    format!("{}{motor}", own.effect)
+    format!("{}{}", own.effect, of_motor(own.motor))
+}
+
+fn of_motor(motor: Option<u8>) -> String {
+    motor.map(|motor| format!(" of motor {motor}")).unwrap_or_default()
 }
 
 fn sized(own: &Explanation) -> String {

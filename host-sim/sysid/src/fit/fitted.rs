@@ -16,6 +16,8 @@ pub struct Fit {
     pub covariance: nalgebra::DMatrix<f64>,
     /// Condition number of the column-scaled problem.
     pub condition: f64,
+    /// Whether the steps found an end; else its adjusting effects stand where they were.
+    pub is_settled: bool,
 }
 
 /// The model with a solution whose parameters are the coefficients of the effects in `order`.
@@ -24,7 +26,7 @@ pub(crate) fn finish(mut model: Model, order: &[Effect], solution: least_squares
     let covariance = in_model_order(&model, order, &solution.covariance);
     let all: Vec<usize> = (0..covariance.nrows()).collect();
     model.set_covariance(&all, &covariance);
-    Fit { model, sigma: solution.sigma, covariance, condition: solution.condition }
+    Fit { model, sigma: solution.sigma, covariance, condition: solution.condition, is_settled: true }
 }
 
 /// The covariance with rows and columns in the order of the model's terms.

@@ -86,7 +86,7 @@ pub(crate) fn stay(flights: &[&Prepared], model: Model, layout: &Layout) -> Resu
         .map_err(|why| unidentifiable(why, &layout.order))?;
     let values: Vec<f64> = layout.order.iter().flat_map(|effect| problem.values_of(*effect)).collect();
     let reach = Reach { values: values.into(), is_settled: true, is_small: true };
-    problem.end(&at, solution, reach)
+    Ok(Fit { is_settled: false, ..problem.end(&at, solution, reach)? })
 }
 
 /// A model that steps lead to what the flights show.

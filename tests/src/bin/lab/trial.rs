@@ -5,7 +5,7 @@ use diagnosis::{Diagnosis, Verdict};
 use flights::Flight;
 use model::{Effect, Model, Vehicle};
 use serde::Serialize;
-use stories::world::{Pattern, Sensors, True, World};
+use stories::world::{Pattern, Sensors, True, World, draws};
 use sysid::fit::open_loop::open_loop;
 use sysid::{FaultKind, Prepared};
 
@@ -179,14 +179,11 @@ pub(crate) fn fly(trial: &Trial) -> Result<(World, Vec<Flight>), String> {
     Ok((world, flights))
 }
 
-/// Crafts drawn for a trial before it is given up.
-const DRAWS: u64 = 5;
-
 /// A craft that its pilot cannot keep is no answer of the product: another is drawn.
 pub(crate) fn run(trial: &Trial) -> Outcome {
     let mut last = Outcome::failed(trial, "no craft was drawn".into());
-    for draw in 0..DRAWS {
-        let trial = Trial { seed: trial.seed + draw * 1_000_000, ..trial.clone() };
+    for seed in draws(trial.seed) {
+        let trial = Trial { seed, ..trial.clone() };
         let asked = match trial.hidden {
             Hidden::Change(_) => ask_what_changed(&trial),
             _ => ask_what_is_missing(&trial),
