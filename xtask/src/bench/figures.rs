@@ -5,10 +5,11 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 /// A count, and what it was on the last run on this machine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct Instructions {
     pub(crate) now: u64,
     pub(crate) before: Option<u64>,
@@ -31,7 +32,7 @@ impl Throughput {
 
     /// "3,210,000 closed-loop steps".
     pub(crate) fn shown(&self) -> String {
-        format!("{} {}", grouped(significant(self.rate())), self.work)
+        format!("{} {}", rounded(self.rate()), self.work)
     }
 
     /// Reads the line of a throughput bench.
@@ -72,32 +73,32 @@ impl TimesReader {
 }
 
 /// A line of the table.
-#[derive(Debug, Default)]
-struct Row {
-    bench: String,
-    function: String,
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(crate) struct Row {
+    pub(crate) bench: String,
+    pub(crate) function: String,
     median: Option<String>,
-    instructions: Option<Instructions>,
+    pub(crate) instructions: Option<Instructions>,
     /// Work in a second of processor time, and what the work is.
-    rate: Option<(f64, String)>,
+    pub(crate) rate: Option<(f64, String)>,
 }
 
 /// Another program beside ours.
-#[derive(Debug)]
-struct Comparison {
-    work: String,
-    ours: f64,
-    peer: &'static str,
-    theirs: f64,
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub(crate) struct Comparison {
+    pub(crate) work: String,
+    pub(crate) ours: f64,
+    pub(crate) peer: String,
+    pub(crate) theirs: f64,
     /// Ours over theirs, of pairs of runs made one after the other.
-    ratio: f64,
+    pub(crate) ratio: f64,
 }
 
 /// All that was measured.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub(crate) struct Figures {
-    rows: Vec<Row>,
-    comparisons: Vec<Comparison>,
+    pub(crate) rows: Vec<Row>,
+    pub(crate) comparisons: Vec<Comparison>,
 }
 
 impl Figures {
@@ -119,12 +120,12 @@ impl Figures {
     }
 
     /// Notes runs of ours and of a peer's, made in turn.
-    pub(crate) fn add_comparison(&mut self, peer: &'static str, ours: &[Throughput], theirs: &[Throughput]) {
+    pub(crate) fn add_comparison(&mut self, peer: &str, ours: &[Throughput], theirs: &[Throughput]) {
         let Some(first) = ours.first() else { return };
         self.comparisons.push(Comparison {
             work: first.work.clone(),
             ours: median(ours.iter().map(Throughput::rate).collect()),
-            peer,
+            peer: peer.to_owned(),
             theirs: median(theirs.iter().map(Throughput::rate).collect()),
             ratio: median(ours.iter().zip(theirs).map(|(a, b)| a.rate() / b.rate()).collect()),
         });
@@ -157,10 +158,15 @@ const RESULTS: [&str; 5] = ["bench", "median time", "instructions", "since last 
 const AGAINST: [&str; 5] = ["per CPU-second", "ours", "theirs", "ours / theirs", "they are"];
 
 impl Row {
+    /// The bench, and which of its functions.
+    pub(crate) fn name(&self) -> String {
+        format!("{} {}", self.bench, self.function).trim_end().to_owned()
+    }
+
     fn cells(&self) -> [String; 5] {
-        let rate = self.rate.as_ref().map(|(rate, work)| format!("{} {work}", grouped(significant(*rate))));
+        let rate = self.rate.as_ref().map(|(rate, work)| format!("{} {work}", rounded(*rate)));
         [
-            format!("{} {}", self.bench, self.function).trim_end().to_owned(),
+            self.name(),
             self.median.clone().unwrap_or_default(),
             self.instructions.map(|count| grouped(count.now as f64)).unwrap_or_default(),
             self.instructions.and_then(change).unwrap_or_default(),
@@ -173,10 +179,10 @@ impl Comparison {
     fn cells(&self) -> [String; 5] {
         [
             self.work.clone(),
-            grouped(significant(self.ours)),
-            grouped(significant(self.theirs)),
+            rounded(self.ours),
+            rounded(self.theirs),
             format!("{:.2}", self.ratio),
-            self.peer.to_owned(),
+            self.peer.clone(),
         ]
     }
 }
@@ -187,13 +193,18 @@ fn change(count: Instructions) -> Option<String> {
     Some(if count.now == before { "same".to_owned() } else { format!("{percent:+.2} %") })
 }
 
+/// To three significant digits, for people.
+pub(crate) fn rounded(value: f64) -> String {
+    grouped(significant(value))
+}
+
 /// To three significant digits: more would not repeat.
 fn significant(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
 /// Tenths of a small number, groups of digits of a large one: 47.3, 3,210,000.
-fn grouped(value: f64) -> String {
+pub(crate) fn grouped(value: f64) -> String {
     if value < 100.0 {
         return format!("{value:.1}");
     }

@@ -13,9 +13,11 @@ use anyhow::{Result, bail};
 use cargo_metadata::TargetKind;
 
 mod figures;
+mod kept;
 mod peers;
 
 use self::figures::{Figures, Throughput, TimesReader};
+use self::kept::Kept;
 use self::peers::{FLIGHT_FILE_FOLDER, Peers};
 use crate::base::process::{Program, cargo, filtered, run_program, shown};
 use crate::base::tally::SKIP_MARK;
@@ -35,6 +37,10 @@ pub(crate) struct Options {
     /// Alternate our throughput benchmarks with the reference programs in this folder
     #[arg(long, value_name = "FOLDER")]
     against: Option<PathBuf>,
+
+    /// Keep the figures of this commit in this folder, and write its speed.md anew: every kept commit beside the others
+    #[arg(long, value_name = "FOLDER")]
+    keep: Option<PathBuf>,
 
     /// Arguments of `lab`, such as --quick, or of `real`, such as --data FOLDER
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "ARGS")]
@@ -121,6 +127,9 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     print!("\n{figures}");
     skipped.iter().for_each(|line| println!("{line}"));
     if failed.is_empty() {
+        if let Some(folder) = &options.keep {
+            println!("kept: {}", Kept::now(figures)?.keep(folder)?.display());
+        }
         return Ok(ExitCode::SUCCESS);
     }
     eprintln!("failed: {}", failed.join(", "));
