@@ -1,4 +1,4 @@
-//! Flight-seconds of a campaign in a second of processor time: 400 flights over everything that is not known, as `quadlab campaign run`
+//! Flight-seconds of a campaign in a second of processor time: 2,000 flights over everything that is not known, as `quadlab campaign run`
 //! flies them, in a fresh process. Noise, gusts, late poses, dead time, faults, the supervisor and what is made of each flight count.
 
 use cpu_time::ProcessTime;
@@ -6,7 +6,7 @@ use cpu_time::ProcessTime;
 const DEFINITION: &str = r#"
 name = "all"
 seed = 1
-draws = 100
+draws = 500
 scenarios = ["tour", "x-1"]
 
 [unknown]

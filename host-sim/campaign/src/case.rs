@@ -2,8 +2,8 @@
 
 use control::state_machine::{Action, action};
 use control::{Condition, Conditions, State};
-use sil::endurance::{Crash, Feasibility, Watched, fly_watched};
-use sil::{FlightPlan, Recording, ScenarioResult, SilError};
+use sil::endurance::{Crash, Feasibility, Watched, fly_watched_with};
+use sil::{FlightPlan, Recording, Row, ScenarioResult, SilError};
 
 use crate::draw::{Drawn, Flies};
 use crate::error::CampaignError;
@@ -79,26 +79,46 @@ impl Ready<'_> {
             Ok((case, self.plan.drawn(case.draw, &self.model)))
         };
         let cases = numbers.iter().map(case).collect::<Result<_, CampaignError>>()?;
-        self.fly_all(cases).map(|flight| Ok(flight?.flown)).collect()
+        self.fly_all(cases).collect()
     }
 
     /// Flies a case with other numbers than were drawn for it.
     pub(crate) fn fly_as(&self, case: Case, drawn: Drawn) -> Result<CaseFlight, CampaignError> {
-        let mut flown = self.fly_all(vec![(case, drawn)]);
-        flown.next().unwrap_or(Err(CampaignError::NoSuchCase { case: case.number, cases: self.plan.cases() }))
+        let mut flown = self.fly_with(vec![(case, drawn)], |flown, recording| ((flown, recording), vec![]));
+        let none = CampaignError::NoSuchCase { case: case.number, cases: self.plan.cases() };
+        let (plan, (flown, recording)) = flown.next().unwrap_or(Err(none))?;
+        Ok(CaseFlight { flown: flown.judged(&plan, &mut Feasibility::default()), plan, recording })
     }
 
-    /// Flies cases with these numbers side by side, each as if it was alone.
+    /// What comes of cases with these numbers, flown side by side, each as if it was alone.
     pub(crate) fn fly_all(
         &self,
         cases: Vec<(Case, Drawn)>,
-    ) -> impl Iterator<Item = Result<CaseFlight, CampaignError>> {
+    ) -> impl Iterator<Item = Result<Flown, CampaignError>> {
+        let mut feasibility = Feasibility::default();
+        let all = self.fly_with(cases, |flown, recording| (flown, recording.rows));
+        all.map(move |one| one.map(|(plan, flown)| flown.judged(&plan, &mut feasibility)))
+    }
+
+    /// Flies them, and makes something of each while its recording is at hand; with the rows that it gives back the next is flown.
+    fn fly_with<T>(
+        &self,
+        cases: Vec<(Case, Drawn)>,
+        mut make: impl FnMut(Flown, Recording) -> (T, Vec<Row>),
+    ) -> impl Iterator<Item = Result<(FlightPlan, T), CampaignError>> {
         let flights: Vec<Planned> =
             cases.into_iter().map(|(case, drawn)| Planned::new(self, case, drawn)).collect();
-        let watched = fly_watched(&flights.iter().map(|flight| &flight.plan).collect::<Vec<_>>());
-        let mut feasibility = Feasibility::default();
-        let came = flights.into_iter().zip(watched);
-        came.map(move |(flight, watched)| flight.came_of(watched, &mut feasibility))
+        let plans: Vec<&FlightPlan> = flights.iter().map(|flight| &flight.plan).collect();
+        let made = fly_watched_with(&plans, |number, watched| {
+            let (flown, recording) = flights[number].came_of(watched);
+            make(flown, recording)
+        });
+        flights.into_iter().zip(made).map(|(flight, made)| {
+            let refused =
+                |why: SilError| CampaignError::Flight { case: flight.case.number, why: why.to_string() };
+            let made = made.map_err(refused)?;
+            Ok((flight.plan, made))
+        })
     }
 }
 
@@ -116,17 +136,8 @@ impl Planned {
         Self { case, flies, plan: drawn.plan(flies, &ready.configs[case.gains]), drawn }
     }
 
-    /// What came of it.
-    fn came_of(
-        self,
-        watched: Result<Watched, SilError>,
-        feasibility: &mut Feasibility,
-    ) -> Result<CaseFlight, CampaignError> {
-        let Self { case, drawn, flies, plan } = self;
-        let refused = |why: SilError| CampaignError::Flight { case: case.number, why: why.to_string() };
-        let watched = watched.map_err(refused)?;
-        // Whether anybody could have flown it is no matter of how it was flown.
-        let reason = feasibility.impossible(&plan);
+    /// What came of it, but for whether anybody could have flown it, and its recording.
+    fn came_of(&self, watched: Watched) -> (Flown, Recording) {
         let mut recording = watched.recording;
         let mut lost = watched.crash.map(|(crash, at_s)| (told(&crash), at_s));
         let tilted = recording.rows.iter().position(|row| row.truth.upright() <= 0.0);
@@ -134,8 +145,8 @@ impl Planned {
             lost = Some(("upside down".into(), recording.time_s(row)));
         }
         let (mut requirements_hold, mut overshoot_percent, mut rise_s) = (None, f64::NAN, f64::NAN);
-        if let Flies::Scenario(scenario) = flies {
-            let result = ScenarioResult::new(scenario, plan.clone(), recording);
+        if let Flies::Scenario(scenario) = self.flies {
+            let result = ScenarioResult::new(scenario, self.plan.clone(), recording);
             requirements_hold = Some(result.pass());
             if let Some(metrics) = result.metrics {
                 overshoot_percent = metrics.overshoot_percent;
@@ -144,10 +155,11 @@ impl Planned {
             recording = result.recording;
         }
         let flown = Flown {
-            case,
-            duration_s: plan.duration_s,
-            lost: lost.filter(|_| reason.is_none()),
-            impossible: reason.map(|why| why.to_string()),
+            case: self.case,
+            drawn: self.drawn.clone(),
+            duration_s: self.plan.duration_s,
+            lost,
+            impossible: None,
             ended: recording
                 .rows
                 .last()
@@ -158,11 +170,19 @@ impl Planned {
             rise_s,
             tilt_deg: tilt_deg(&recording),
             height_error_m: height_error_m(&recording),
-            saturated_percent: 100.0 * recording.saturated_ticks(plan.config.command_range) as f64
+            saturated_percent: 100.0 * recording.saturated_ticks(self.plan.config.command_range) as f64
                 / recording.rows.len().max(1) as f64,
-            drawn,
         };
-        Ok(CaseFlight { flown, plan, recording })
+        (flown, recording)
+    }
+}
+
+impl Flown {
+    /// The same with whether anybody could have flown it, which is no matter of how it was flown.
+    fn judged(mut self, plan: &FlightPlan, feasibility: &mut Feasibility) -> Self {
+        self.impossible = feasibility.impossible(plan).map(|why| why.to_string());
+        self.lost = self.lost.filter(|_| self.impossible.is_none());
+        self
     }
 }
 

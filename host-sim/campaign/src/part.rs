@@ -1,6 +1,7 @@
 //! Shards: parts of a campaign, each written whole or not at all.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -111,10 +112,14 @@ fn claim(plan: &Plan, folder: &Path) -> Result<(), CampaignError> {
     report::write_atomic(&path, text).map_err(|why| CampaignError::Write { path, why: why.to_string() })
 }
 
-/// Of the program that runs: parts of different programs may differ.
+/// Of the program that runs: parts of different programs may differ. It is read once, however many shards it flies.
 fn program_sha256() -> String {
-    let program = std::env::current_exe().and_then(std::fs::read);
-    program.map_or_else(|_| "unknown".into(), |bytes| hex(&Sha256::digest(bytes)))
+    static OWN: OnceLock<String> = OnceLock::new();
+    let read = || {
+        let program = std::env::current_exe().and_then(std::fs::read);
+        program.map_or_else(|_| "unknown".into(), |bytes| hex(&Sha256::digest(bytes)))
+    };
+    OWN.get_or_init(read).clone()
 }
 
 /// Key of the campaign in tables.

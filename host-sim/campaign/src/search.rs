@@ -146,7 +146,7 @@ fn badness(flown: &Flown) -> f64 {
 /// How bad flights of a case with these numbers are.
 fn badnesses(ready: &Ready<'_>, case: Case, drawn: Vec<Drawn>) -> Result<Vec<f64>, CampaignError> {
     let cases = drawn.into_iter().map(|drawn| (case, drawn)).collect();
-    ready.fly_all(cases).map(|flight| Ok(badness(&flight?.flown))).collect()
+    ready.fly_all(cases).map(|flown| Ok(badness(&flown?))).collect()
 }
 
 impl Plan {

@@ -7,7 +7,7 @@ mod common;
 
 use cpu_time::ProcessTime;
 use sil::FlightPlan;
-use sil::endurance::{Deviations, fly_watched};
+use sil::endurance::{Deviations, Watched, fly_watched_with};
 
 const FLIGHTS: u32 = 1000;
 const FLIGHT_S: f64 = 20.0;
@@ -19,9 +19,10 @@ fn main() {
     let start = ProcessTime::now();
     let mut flight_s = 0.0;
     for some in plans.chunks(TOGETHER) {
-        for flown in fly_watched(&some.iter().collect::<Vec<_>>()) {
-            let flown = flown.expect("the thesis' plan can be flown");
-            assert!(flown.recording.complete, "{:?}", flown.crash);
+        let seen = |_, flown: Watched| ((flown.recording.complete, flown.crash), flown.recording.rows);
+        for flown in fly_watched_with(&some.iter().collect::<Vec<_>>(), seen) {
+            let (complete, crash) = flown.expect("the thesis' plan can be flown");
+            assert!(complete, "{crash:?}");
             flight_s += FLIGHT_S;
         }
     }

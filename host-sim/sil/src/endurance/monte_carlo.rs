@@ -32,9 +32,9 @@ use super::drawn_flights::{End, Last, MonteCarlo};
 use super::error::LongRunError;
 use super::kept::Kept;
 use super::memory::{Memory, resident};
-use super::watched::{impossible, until_crash};
+use super::watched::{Crashed, Observer, impossible, until_crash};
 use crate::craft::{Fault, FaultKind, NoiseModel};
-use crate::flight::{FlightPlan, Script, SilError};
+use crate::flight::{FlightPlan, Row, Script, SilError};
 
 /// How long a flight is, s: a fault after 2 to 8 s, and a landing from 1.8 m at 0.3 m/s.
 const FLIGHT_S: f64 = 15.0;
@@ -148,25 +148,38 @@ pub fn drawn_fault(g: &mut Pcg64) -> Fault {
 /// Flies those of these seeds; how each ended, and the last of its state for comparing runs bit by bit.
 fn fly(seeds: &[u64], config: &Config) -> Result<Vec<(End, Last)>, SilError> {
     let plans: Vec<FlightPlan> = seeds.iter().map(|seed| Conditions::of(*seed).plan(config)).collect();
-    let mut last = vec![([0; 16], State::Flying); plans.len()];
-    let crashes = until_crash(&plans.iter().collect::<Vec<_>>(), |number, row| {
-        let (last, state) = &mut last[number];
+    let last = vec![([0; 16], State::Flying); plans.len()];
+    until_crash(&plans.iter().collect::<Vec<_>>(), &mut Ends { plans: &plans, last }).into_iter().collect()
+}
+
+/// Looks how flights end.
+struct Ends<'a> {
+    plans: &'a [FlightPlan],
+    /// The last of each, and who had it then.
+    last: Vec<(Last, State)>,
+}
+
+impl Observer for Ends<'_> {
+    type Made = (End, Last);
+
+    fn tick(&mut self, number: usize, row: &Row) {
+        let (last, state) = &mut self.last[number];
         *state = row.supervision.state;
         let position_m = row.truth.position_m;
         let words = [position_m[0], position_m[1], position_m[2], row.truth.rate_rad_s[0]];
         last.as_chunks_mut().0.iter_mut().zip(words).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
-    });
-    let ended = plans.iter().zip(last).zip(crashes).map(|((plan, (last, state)), crash)| {
-        let end = match (crash?, state) {
-            (Some((crash, at_s)), _) => {
-                impossible(plan).map_or(End::Crashed(crash, at_s), |why| End::Impossible(why.to_string()))
-            }
+    }
+
+    fn end(&mut self, number: usize, crash: Crashed) -> (End, Last) {
+        let (last, state) = self.last[number];
+        let end = match (crash, state) {
+            (Some((crash, at_s)), _) => impossible(&self.plans[number])
+                .map_or(End::Crashed(crash, at_s), |why| End::Impossible(why.to_string())),
             (None, State::Flying) => End::Flying,
             (None, _) => End::Supervised,
         };
-        Ok((end, last))
-    });
-    ended.collect()
+        (end, last)
+    }
 }
 
 /// What came of them.
@@ -186,7 +199,7 @@ pub struct Survey {
     pub crashes: Vec<(u64, Crash, f64)>,
     /// SHA-256 over the last states of all flights: equal runs, equal bits.
     pub sha256: String,
-    /// Memory after the first tenth of the flights that were flown now, and at the end.
+    /// Memory after half of the flights that were flown now, and at the end.
     pub memory: Memory,
 }
 
@@ -214,7 +227,7 @@ pub fn survey(plan: &MonteCarlo, file: Option<&Path>) -> Result<Survey, LongRunE
         impossible: Vec::new(),
         crashes: Vec::new(),
         sha256: String::new(),
-        memory: Memory { early: 0, late: 0 },
+        memory: Memory { half: 0, end: 0 },
     };
     // What judges a crash is loaded before the first is counted: it is no growth.
     let _ = impossible(&Conditions::of(plan.seed).plan(&plan.config));
@@ -239,10 +252,10 @@ pub fn survey(plan: &MonteCarlo, file: Option<&Path>) -> Result<Survey, LongRunE
             digest.update(last);
             survey.count(seed, end);
         }
-        survey.memory.late = resident()?;
+        survey.memory.end = resident()?;
         let flown_of = |place: u64| place.saturating_sub(known);
-        if flown_of(next) * 10 >= flown_of(plan.flights) && survey.memory.early == 0 {
-            survey.memory.early = survey.memory.late;
+        if flown_of(next) * 2 >= flown_of(plan.flights) && survey.memory.half == 0 {
+            survey.memory.half = survey.memory.end;
         }
     }
     survey.sha256 = digest.finalize().iter().map(|byte| format!("{byte:02x}")).collect();

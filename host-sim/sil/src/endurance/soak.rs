@@ -36,7 +36,7 @@ pub struct SoakReport {
     pub flown_s: f64,
     /// What ended the run before its time.
     pub problem: Option<String>,
-    /// Memory at its first tenth and its end.
+    /// Memory at its half and its end.
     pub memory: Memory,
 }
 
@@ -74,19 +74,19 @@ pub fn soak(plan: &Soak) -> Result<SoakReport, LongRunError> {
     let mut lab = Laboratory::new(&flight, 0.0)?;
     let mut missions = Missions::new(Missions::tours, plan.seed, lab.period_s());
     let ticks = (plan.duration_s / lab.period_s()).ceil() as u64;
-    let (mut early, mut problem) = (None, None);
+    let (mut half, mut problem) = (None, None);
     for tick in 1..=ticks {
         problem = fly_tick(&mut lab, &mut missions).err();
-        if tick * 10 >= ticks && early.is_none() {
-            early = Some(resident()?);
+        if tick * 2 >= ticks && half.is_none() {
+            half = Some(resident()?);
         }
         if problem.is_some() {
             break;
         }
     }
-    let late = resident()?;
+    let end = resident()?;
     let [simulated_s, flown_s] = missions.times_s();
-    let memory = Memory { early: early.unwrap_or(late), late };
+    let memory = Memory { half: half.unwrap_or(end), end };
     Ok(SoakReport { missions: missions.flown(), simulated_s, flown_s, problem, memory })
 }
 

@@ -97,31 +97,54 @@ fn tracker_off_m(plan: &FlightPlan) -> [f64; 3] {
 }
 
 /// How a flight crashed, and after how many s.
-type Crashed = Option<(Crash, f64)>;
+pub(super) type Crashed = Option<(Crash, f64)>;
 
-/// Flies plans to their ends or crashes, side by side, and shows each tick of each, by its number. There are walls unless the supervisor
-/// has no fence. What comes of each is an error where its plan or configuration cannot be flown.
-pub(super) fn until_crash(
+/// Who looks at many flights side by side, each by its number.
+pub(super) trait Observer {
+    /// What is made of a flight.
+    type Made;
+
+    /// A tick of a flight.
+    fn tick(&mut self, number: usize, row: &Row);
+
+    /// The end of a flight, when its last tick was seen.
+    fn end(&mut self, number: usize, crash: Crashed) -> Self::Made;
+}
+
+/// Flies plans to their ends or crashes, side by side. There are walls unless the supervisor has no fence. What comes of each is an error
+/// where its plan or configuration cannot be flown.
+pub(super) fn until_crash<O: Observer>(
     plans: &[&FlightPlan],
-    mut see: impl FnMut(usize, &Row),
-) -> Vec<Result<Crashed, SilError>> {
+    observer: &mut O,
+) -> Vec<Result<O::Made, SilError>> {
     let begun = |plan: &&FlightPlan| {
         let watch = Watch::new(plan.config.sample_time_s, -plan.start_m[2], State::Flying);
         let caged = plan.config.supervision.fence != Fence::NONE;
         (watch.with_tracker_off(tracker_off_m(plan)).with_walls(caged), 0_u32)
     };
     let mut watches: Vec<(Watch, u32)> = plans.iter().map(begun).collect();
-    let mut crashes: Vec<Crashed> = vec![None; plans.len()];
+    let mut all: Vec<Option<O::Made>> = plans.iter().map(|_| None).collect();
     let results = fly_side_by_side(plans, |number, row| {
-        see(number, row);
+        observer.tick(number, row);
         let (watch, tick) = &mut watches[number];
         let position_m = row.truth.position_m.map(f64::from);
         let crash = watch.look(position_m, row.supervision.state, row.supervision.conditions);
-        crashes[number] = crash.map(|crash| (crash, f64::from(*tick) * plans[number].config.sample_time_s));
+        let crash = crash.map(|crash| (crash, f64::from(*tick) * plans[number].config.sample_time_s));
+        let goes_on = crash.is_none();
+        if !goes_on || *tick == plans[number].ticks() {
+            all[number] = Some(observer.end(number, crash));
+        }
         *tick += 1;
-        crashes[number].is_none()
+        goes_on
     });
-    results.into_iter().zip(crashes).map(|(result, crash)| result.map(|()| crash)).collect()
+    // Every flight that can be flown has a last tick; one without would end here.
+    let mut made =
+        |(number, own): (usize, Option<O::Made>)| own.unwrap_or_else(|| observer.end(number, None));
+    results
+        .into_iter()
+        .zip(all.into_iter().enumerate())
+        .map(|(result, own)| result.map(|()| made(own)))
+        .collect()
 }
 
 /// A flight that was watched.
@@ -136,14 +159,49 @@ pub struct Watched {
 /// Flies plans to their ends or crashes: each as if it was alone, to the bit, but many take less time together. What comes of each is an
 /// error where its plan or configuration cannot be flown.
 pub fn fly_watched(plans: &[&FlightPlan]) -> Vec<Result<Watched, SilError>> {
-    let room = |plan: &&FlightPlan| Vec::with_capacity(plan.ticks() as usize + 1);
-    let mut rows: Vec<Vec<Row>> = plans.iter().map(room).collect();
-    let crashes = until_crash(plans, |number, row| rows[number].push(*row));
-    let flown = plans.iter().zip(rows).zip(crashes);
-    let watched = flown.map(|((plan, rows), crash)| {
-        let crash = crash?;
-        let recording = Recording { rows, period_s: plan.config.sample_time_s, complete: crash.is_none() };
-        Ok(Watched { recording, crash })
-    });
-    watched.collect()
+    fly_watched_with(plans, |_, watched| (watched, Vec::new()))
+}
+
+/// As [`fly_watched`], but of each flight, by its number, `make` makes at once what is wanted of it, and gives back its rows, whose memory the
+/// next flight has: fresh memory for rows costs more than a fast flight's plant.
+pub fn fly_watched_with<T>(
+    plans: &[&FlightPlan],
+    make: impl FnMut(usize, Watched) -> (T, Vec<Row>),
+) -> Vec<Result<T, SilError>> {
+    let rows = plans.iter().map(|_| Vec::new()).collect();
+    until_crash(plans, &mut Recorder { plans, rows, free: Vec::new(), make })
+}
+
+/// Records flights.
+struct Recorder<'a, F> {
+    plans: &'a [&'a FlightPlan],
+    /// Of each flight, while it lasts.
+    rows: Vec<Vec<Row>>,
+    /// Memory that nobody uses now.
+    free: Vec<Vec<Row>>,
+    make: F,
+}
+
+impl<T, F: FnMut(usize, Watched) -> (T, Vec<Row>)> Observer for Recorder<'_, F> {
+    type Made = T;
+
+    #[inline]
+    fn tick(&mut self, number: usize, row: &Row) {
+        let rows = &mut self.rows[number];
+        if rows.is_empty() {
+            *rows = self.free.pop().unwrap_or_default();
+            rows.clear();
+            rows.reserve_exact(self.plans[number].ticks() as usize + 1);
+        }
+        rows.push(*row);
+    }
+
+    fn end(&mut self, number: usize, crash: Crashed) -> T {
+        let rows = std::mem::take(&mut self.rows[number]);
+        let period_s = self.plans[number].config.sample_time_s;
+        let recording = Recording { rows, period_s, complete: crash.is_none() };
+        let (made, rows) = (self.make)(number, Watched { recording, crash });
+        self.free.push(rows);
+        made
+    }
 }
