@@ -72,6 +72,9 @@ pub struct EffectFinding {
     pub held_out_p_value: Option<f64>,
     /// Held-out flights on which the error falls, and how many there are.
     pub flights_improved: [usize; 2],
+    /// Held-out drop of the squared error of each flight over the axes it acts on, each weighed by its noise, percent.
+    #[serde(skip)]
+    pub drop_percent_by_flight: Vec<f64>,
     /// Coefficients.
     pub coefficients: Vec<CoefficientFigures>,
     /// Effects that the flights cannot tell it from.
@@ -106,6 +109,7 @@ impl EffectFinding {
             p_value: 1.0,
             held_out_p_value: None,
             flights_improved: [0, flights],
+            drop_percent_by_flight: Vec::new(),
             coefficients: Vec::new(),
             confounded_with: Vec::new(),
             reason,

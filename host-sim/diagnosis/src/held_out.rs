@@ -84,16 +84,19 @@ pub(crate) fn take_gain(
     for ((flight, a), b) in flights.iter().zip(before).zip(after) {
         let mut difference = vec![0.0; flight.rows()];
         let mut chance = difference.clone();
+        let mut own_total = 0.0;
         for axis in axes.iter().map(|a| a.index()) {
             let weight = 1.0 / (sigma[axis] * sigma[axis]);
             let sums = difference.iter_mut().zip(&mut chance);
             for (((d, c), x), y) in sums.zip(&a.residual[axis]).zip(&b.residual[axis]) {
                 *d += weight * (x * x - y * y);
                 *c += weight * 2.0 * y * (x - y);
-                total += weight * x * x;
+                own_total += weight * x * x;
             }
         }
         let sum: f64 = difference.iter().sum();
+        total += own_total;
+        finding.drop_percent_by_flight.push(if own_total > 0.0 { 100.0 * sum / own_total } else { 0.0 });
         finding.flights_improved[0] += usize::from(sum > 0.0);
         fall += sum;
         blocks.gain.extend(block_sums(flight, &difference));

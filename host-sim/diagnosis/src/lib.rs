@@ -48,7 +48,7 @@ pub use change::Change;
 pub use change_evidence::{ChangeEvidence, WhyChanged, why_changed};
 pub use criteria::{AS_GOOD, rank_of_change};
 pub use diagnose::{diagnose, diagnose_with};
-pub use discovery::{Discovery, DiscoveryVerdict, FormNumber, Proposal};
+pub use discovery::{Discovery, DiscoveryVerdict, FlightFall, FormNumber, Proposal};
 pub use evidence::{Why, WhyError, why};
 pub use finding::{AxisDrop, CoefficientFigures, Diagnosis, EffectFinding, Since, Unexplained, Verdict};
 pub use observer::{Observer, Progress, Silent};

@@ -26,4 +26,4 @@ pub(crate) mod variables;
 mod whitening;
 pub(crate) mod words;
 
-pub use proposal::{Discovery, DiscoveryVerdict, FormNumber, Proposal};
+pub use proposal::{Discovery, DiscoveryVerdict, FlightFall, FormNumber, Proposal};

@@ -34,6 +34,15 @@ pub struct FormNumber {
     pub unit: String,
 }
 
+/// By how much the error of a flight falls.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct FlightFall {
+    /// The flight.
+    pub flight: String,
+    /// Of the squared error, percent.
+    pub drop_percent: f64,
+}
+
 /// A form of what is left, with its evidence.
 #[derive(Debug, Clone, Serialize, JsonSchema)]
 pub struct Proposal {
@@ -67,6 +76,8 @@ pub struct Proposal {
     pub splits: [usize; 2],
     /// Held-out flights on which the error falls, and how many there are.
     pub flights_improved: [usize; 2],
+    /// Fall of the squared error of each held-out flight over those axes, each weighed by its noise.
+    pub flights: Vec<FlightFall>,
     /// Forms over other quantities that take about as much: these flights do not tell them apart.
     pub rivals: Vec<String>,
     /// What to fly so that they part.

@@ -19,7 +19,7 @@ use crate::discovery::form::Form;
 use crate::discovery::refine::Refined;
 use crate::discovery::variables::Variable;
 use crate::discovery::words::{formula, known_physics, sentence, short, to_fly};
-use crate::discovery::{Discovery, DiscoveryVerdict, FormNumber, Proposal};
+use crate::discovery::{Discovery, DiscoveryVerdict, FlightFall, FormNumber, Proposal};
 use crate::finding::{CoefficientFigures, EffectFinding};
 use crate::held_out::{Validated, fit_and_validate, validated};
 use crate::noise::squares_of_noise;
@@ -315,6 +315,13 @@ impl Hunt<'_> {
         Ok((self.described(id, (&own, addition), (&terms[0], rivals), found.p_value), model))
     }
 
+    /// By how much the error of each held-out flight falls.
+    fn falls(&self, finding: &EffectFinding) -> Vec<FlightFall> {
+        let flights = self.sets.validate();
+        let falls = flights.iter().zip(&finding.drop_percent_by_flight);
+        falls.map(|(flight, drop)| FlightFall { flight: flight.name.clone(), drop_percent: *drop }).collect()
+    }
+
     /// What a proposal says of its form: `first` is its first term as the search found it.
     fn described(
         &self,
@@ -347,6 +354,7 @@ impl Hunt<'_> {
             p_value: search_p_value.max(finding.held_out_p_value.unwrap_or(1.0)),
             splits: [first.improved, self.sets.train().len()],
             flights_improved: finding.flights_improved,
+            flights: self.falls(&finding),
             rivals: rivals.iter().map(|rival| short(&rival.form, self.variables)).collect(),
             excite: to_fly(&first.form, &other_forms, self.variables),
             definition: defined.definition,

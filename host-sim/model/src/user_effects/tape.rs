@@ -206,13 +206,17 @@ impl Tape {
             /// Kept from one evaluation to the next: there is one for each sample.
             static VALUES: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
         }
+        let (first_number, first_result) = (self.inputs.len(), self.inputs.len() + self.numbers.len());
+        let count = first_result + self.operations.len();
         VALUES.with_borrow_mut(|values| {
-            values.clear();
-            values.extend(self.inputs.iter().map(input));
-            values.extend_from_slice(&self.numbers);
-            for operation in &self.operations {
-                let result = operation.apply(values);
-                values.push(result);
+            if values.len() < count {
+                values.resize(count, 0.0);
+            }
+            let values = &mut values[..count];
+            values.iter_mut().zip(&self.inputs).for_each(|(value, own)| *value = input(own));
+            values[first_number..first_result].copy_from_slice(&self.numbers);
+            for (k, operation) in self.operations.iter().enumerate() {
+                values[first_result + k] = operation.apply(values);
             }
             self.outputs.iter().enumerate().for_each(|(k, place)| take(k, values[*place]));
         });

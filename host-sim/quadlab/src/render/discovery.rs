@@ -67,11 +67,17 @@ fn proposal_text(proposal: &Proposal) -> String {
     }
     let drops: Vec<String> =
         proposal.drop_percent.iter().map(|(axis, drop)| format!("{axis} {} %", percent(*drop))).collect();
+    let flights: Vec<String> = proposal
+        .flights
+        .iter()
+        .map(|own| format!("{} {} %", own.flight, percent(own.drop_percent)))
+        .collect();
     lines.push(format!(
-        "  Held-out squared error, noise included, falls: {}; on {} of {} flights.",
+        "  Held-out squared error, noise included, falls: {}; on {} of {} flights: {}.",
         drops.join(", "),
         proposal.flights_improved[0],
-        proposal.flights_improved[1]
+        proposal.flights_improved[1],
+        flights.join(", ")
     ));
     lines.push(format!(
         "  Leave-one-out: improves {} of {} training flights.",

@@ -8,6 +8,7 @@ import { prose, short, unit, withError } from "./numbers.js";
 /** @typedef {import("./main.js").App} App */
 /** @typedef {{own: string, text: string, formula: string, sentence: string, physics?: string, quantities: string[], rivals: string[],
  *   excite: string, drop_percent: Record<string, number>, flights_improved: [number, number],
+ *   flights?: {flight: string, drop_percent: number}[],
  *   coefficients: FormNumber[], constants?: FormNumber[]}} Proposal */
 /** @typedef {{name: string, value: number, std_error: number, unit: string}} FormNumber */
 
@@ -58,6 +59,7 @@ function card(app, proposal) {
   const isKept = Boolean(app.state?.own.some((own) => own.id === proposal.own));
   const falls = Object.entries(proposal.drop_percent).map(([axis, drop]) => `${axis} ${short(drop)} %`);
   const [better, all] = proposal.flights_improved;
+  const byFlight = (proposal.flights ?? []).map((own) => `${own.flight} ${short(own.drop_percent)} %`);
   const rivals = proposal.rivals.length
     ? `These flights cannot distinguish it from: ${proposal.rivals.join("; ")}.`
     : "No form in other quantities explains these flights about as well.";
@@ -75,7 +77,7 @@ function card(app, proposal) {
         el("dd", {}, `${withError(one.value, one.std_error)} ${unit(one.unit)}`),
       ]),
     ),
-    el("p", {}, `The held-out squared error falls: ${falls.join(", ")}; on ${better} of ${all} flights.`),
+    el("p", {}, `The held-out squared error falls: ${falls.join(", ")}; on ${better} of ${all} flights${byFlight.length ? `: ${byFlight.join(", ")}` : ""}.`),
     proposal.physics && el("p", {}, prose(`Consistent with: ${proposal.physics}.`)),
     el("p", { class: "note" }, prose(rivals)),
     el("p", { class: "quiet" }, prose(`To confirm: ${proposal.excite}.`)),
