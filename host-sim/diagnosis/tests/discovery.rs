@@ -141,22 +141,6 @@ fn what_depends_on_the_last_second_is_found_with_its_time() {
     assert!(with.iter().any(|effect| !effect.lags().is_empty()));
 }
 
-/// Air that takes 0.3 s twice in a row.
-#[test]
-fn two_lags_in_a_row_are_told_from_one() {
-    let text = "[[effect]]\nid = \"wake\"\nacceleration.w = \"k * lag(lag(w, memory), memory)\"\ncoefficient = [{ name = \"k\", \
-                unit = \"1/s\", possible = [-9.0, 9.0], typical = 0.5}]\nconstant = [{ name = \"memory\", unit = \"s\", value = 0.3 }]\n";
-    let discovery = discovered(&world(text, &[0.8]));
-    let best = &discovery.proposals[0];
-    let memory = &best.definition.constant[0];
-    let time = &memory.value;
-    assert_eq!(best.formula, format!("w: k * lag(lag(w, {time}), {time}) / mass"));
-    let [estimated] = &best.constants[..] else { panic!("{:?}", best.constants) };
-    let off = (estimated.value - 0.3).abs();
-    assert!(off < 4.0 * estimated.std_error && estimated.std_error < 0.1, "{estimated:?}");
-    assert!(best.sentence.contains(" s, twice in a row"), "{}", best.sentence);
-}
-
 /// Thrust falls with the energy used. Some logs begin long before the craft takes off, so that time is not energy.
 #[test]
 fn what_depends_on_the_energy_used_is_told_from_the_time() {

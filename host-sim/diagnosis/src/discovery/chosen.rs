@@ -1,13 +1,9 @@
 //! Numbers in the formulas of variables that are chosen with a form: bearings and times of lags.
 
-use std::f64::consts::SQRT_2;
-
 use model::{Followed, Lag, LagId, Quantity};
 
-/// Times of lags, s; of two in a row together.
+/// Times of lags, s.
 pub(super) const LAGS_S: [f64; 10] = [0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2];
-/// Shortest that are tried as two: shorter ones bend to what is noise.
-const SHORTEST_TWO_S: f64 = 0.2;
 /// That over which every form is tried.
 pub(super) const SEARCHED_LAG_S: f64 = LAGS_S[6];
 /// That over which every form of each rotor's own speed is tried.
@@ -35,8 +31,6 @@ pub(crate) enum Chosen {
     BearingDeg(f64),
     /// Time of a lag, s.
     LagS(f64),
-    /// Time of each of two lags in a row, s.
-    TwoLagsS(f64),
 }
 
 /// How a formula names that number.
@@ -54,62 +48,37 @@ pub(crate) enum Spelling {
 }
 
 impl Chosen {
-    /// Lags that go back by a time: one, and two in a row where that is another shape than one to flights as they are filtered.
-    pub(super) fn lags_of(time_s: f64) -> impl Iterator<Item = Self> {
-        let two = (time_s >= SHORTEST_TWO_S).then_some(Self::TwoLagsS(0.5 * time_s));
-        std::iter::once(Self::LagS(time_s)).chain(two)
-    }
-
-    /// Time of a lag, or of each of two, s.
-    pub(super) const fn time_s(self) -> Option<f64> {
-        match self {
-            Self::BearingDeg(_) => None,
-            Self::LagS(time_s) | Self::TwoLagsS(time_s) => Some(time_s),
-        }
-    }
-
-    /// Standard deviation of the ages of what is remembered, s: one lag and two in a row of the same are much alike.
-    fn spread_s(self) -> Option<f64> {
-        match self {
-            Self::TwoLagsS(time_s) => Some(SQRT_2 * time_s),
-            _ => self.time_s(),
-        }
-    }
-
     /// Whether it is one of a grid's.
     pub(super) fn is_on(self, grid: Grid) -> bool {
         match (self, grid) {
             (Self::BearingDeg(degrees), Grid::Rough) => degrees % ROUGH_DEG == 0.0,
-            (Self::BearingDeg(_) | Self::TwoLagsS(_), Grid::Fine) | (Self::LagS(_), Grid::Rough) => true,
-            (Self::LagS(_), Grid::Fine) | (Self::TwoLagsS(_), Grid::Rough) => false,
+            (Self::BearingDeg(_), Grid::Fine) | (Self::LagS(_), Grid::Rough) => true,
+            (Self::LagS(_), Grid::Fine) => false,
         }
     }
 
-    /// How far from another one of its kind: degrees, or the logarithm of the lags' ratio.
+    /// How far from another one of its kind: degrees, or steps from time to time.
     pub(super) fn apart(self, other: Self) -> Option<f64> {
+        let place = |time_s: f64| LAGS_S.iter().position(|own| *own == time_s);
         match (self, other) {
             (Self::BearingDeg(own), Self::BearingDeg(other)) => {
                 let turn = (own - other).abs();
                 Some(turn.min(180.0 - turn))
             }
-            _ => Some((self.spread_s()? / other.spread_s()?).ln().abs()),
+            (Self::LagS(own), Self::LagS(other)) => Some(place(own)?.abs_diff(place(other)?) as f64),
+            _ => None,
         }
     }
 }
 
 impl Spelling {
-    /// A quantity behind the lag, or behind two in a row.
-    pub(super) fn lag(&self, of: &str, twice: bool) -> String {
-        let behind = |time: &str| match twice {
-            false => format!("lag({of}, {time})"),
-            true => format!("lag(lag({of}, {time}), {time})"),
-        };
+    /// A quantity behind the lag.
+    pub(super) fn lag(&self, of: &str) -> String {
         match self {
-            Self::Between { time, from, to } => {
-                let (first, last) = (behind(from), behind(to));
-                format!("({first} + ({time} - {from}) * ({last} - {first}) / ({to} - {from}))")
-            }
-            Self::Constant(time) => behind(time),
+            Self::Between { time, from, to } => format!(
+                "(lag({of}, {from}) + ({time} - {from}) * (lag({of}, {to}) - lag({of}, {from})) / ({to} - {from}))"
+            ),
+            Self::Constant(time) => format!("lag({of}, {time})"),
             Self::Plain | Self::Bearing(_) => of.to_owned(),
         }
     }
@@ -127,19 +96,12 @@ pub(super) fn along([north, east]: [f64; 2]) -> String {
     format!("({east} * east {joint} {} * north)", north.abs())
 }
 
-/// A quantity behind a lag, or two; nothing where there is no room for another one.
-pub(super) fn lag_of(quantity: &'static Quantity, chosen: Chosen) -> Option<LagId> {
-    let behind = |of: Followed, time_s: f64| Lag { of, time_s: Some(time_s) }.id();
-    match chosen {
-        Chosen::BearingDeg(_) => None,
-        Chosen::LagS(time_s) => behind(Followed::Quantity(quantity), time_s),
-        Chosen::TwoLagsS(time_s) => {
-            behind(Followed::Lag(behind(Followed::Quantity(quantity), time_s)?), time_s)
-        }
-    }
+/// A quantity behind a lag; nothing where there is no room for another one.
+pub(super) fn lag_of(quantity: &'static Quantity, time_s: f64) -> Option<LagId> {
+    Lag { of: Followed::Quantity(quantity), time_s: Some(time_s) }.id()
 }
 
 /// The speed of each rotor behind a lag.
 pub(super) fn lags_of_rotors(time_s: f64) -> [Option<LagId>; 4] {
-    ["omega1", "omega2", "omega3", "omega4"].map(|name| lag_of(Quantity::named(name)?, Chosen::LagS(time_s)))
+    ["omega1", "omega2", "omega3", "omega4"].map(|name| lag_of(Quantity::named(name)?, time_s))
 }

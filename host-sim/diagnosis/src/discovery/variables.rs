@@ -37,8 +37,8 @@ enum Source {
     OwnSpeed,
     /// The own acceleration of each rotor.
     OwnAcceleration,
-    /// A quantity behind a lag, or two in a row.
-    Lagged(&'static Quantity, Chosen),
+    /// A quantity behind a lag of so many seconds.
+    Lagged(&'static Quantity, f64),
     /// By how much each rotor is faster than its own speed behind such a lag.
     OwnAhead(f64),
     /// The integral of the rotors' power.
@@ -146,11 +146,10 @@ impl Variable {
         self.lags.iter().flatten().copied()
     }
 
-    /// Time of its lag, or of each of two, s.
+    /// Time of its lag, s.
     pub(crate) const fn lag_s(&self) -> Option<f64> {
         match self.source {
-            Source::Lagged(_, chosen) => chosen.time_s(),
-            Source::OwnAhead(time_s) => Some(time_s),
+            Source::Lagged(_, time_s) | Source::OwnAhead(time_s) => Some(time_s),
             _ => None,
         }
     }
@@ -183,8 +182,7 @@ impl Variable {
     pub(crate) const fn chosen(&self) -> Option<Chosen> {
         match self.source {
             Source::Along(degrees, _) => Some(Chosen::BearingDeg(degrees)),
-            Source::Lagged(_, chosen) => Some(chosen),
-            Source::OwnAhead(time_s) => Some(Chosen::LagS(time_s)),
+            Source::Lagged(_, time_s) | Source::OwnAhead(time_s) => Some(Chosen::LagS(time_s)),
             _ => None,
         }
     }
@@ -197,9 +195,9 @@ impl Variable {
                 (*own, *toward) = (degrees, direction(degrees));
                 other.formula = along(*toward).into();
             }
-            (Source::Lagged(quantity, own), _) => {
-                *own = chosen;
-                other.lags = [Some(lag_of(quantity, chosen)?), None, None, None];
+            (Source::Lagged(quantity, own), Chosen::LagS(time_s)) => {
+                *own = time_s;
+                other.lags = [Some(lag_of(quantity, time_s)?), None, None, None];
             }
             (Source::OwnAhead(own), Chosen::LagS(time_s)) => {
                 *own = time_s;
@@ -216,12 +214,10 @@ impl Variable {
             (Source::Along(..), _, Spelling::Bearing(name)) => {
                 format!("(cos({name}) * north + sin({name}) * east)").into()
             }
-            (Source::Lagged(quantity, chosen), ..) => {
-                spelling.lag(quantity.name, matches!(chosen, Chosen::TwoLagsS(_))).into()
-            }
+            (Source::Lagged(quantity, _), ..) => spelling.lag(quantity.name).into(),
             (Source::OwnAhead(_), Some(k), _) => {
                 let omega = format!("omega{}", k + 1);
-                format!("({omega} - {})", spelling.lag(&omega, false)).into()
+                format!("({omega} - {})", spelling.lag(&omega)).into()
             }
             (Source::OwnSpeed, Some(k), _) => format!("omega{}", k + 1).into(),
             (Source::OwnAcceleration, Some(k), _) => format!("domega{}", k + 1).into(),
@@ -256,14 +252,8 @@ impl Variable {
             }
             Source::OwnSpeed => "rotor's own speed".into(),
             Source::OwnAcceleration => "rotor's own acceleration".into(),
-            Source::Lagged(quantity, Chosen::TwoLagsS(time_s)) => {
-                let time_s = number(time_s);
-                format!("{}, averaged over the last {time_s} s, twice in a row", meaning(quantity.name))
-                    .into()
-            }
-            Source::Lagged(quantity, chosen) => {
-                let time_s = number(chosen.time_s().unwrap_or_default());
-                format!("{}, averaged over the last {time_s} s", meaning(quantity.name)).into()
+            Source::Lagged(quantity, time_s) => {
+                format!("{}, averaged over the last {} s", meaning(quantity.name), number(time_s)).into()
             }
             Source::OwnAhead(time_s) => {
                 format!("rotor's own speed less its average over the last {} s", number(time_s)).into()
@@ -281,7 +271,7 @@ impl Variable {
     pub(crate) fn is_searched(&self) -> bool {
         match self.source {
             Source::Along(degrees, _) => OBLIQUE_DEG.contains(&degrees),
-            Source::Lagged(_, chosen) => chosen == Chosen::LagS(SEARCHED_LAG_S),
+            Source::Lagged(_, time_s) => time_s == SEARCHED_LAG_S,
             Source::OwnAhead(time_s) => time_s == SEARCHED_OWN_LAG_S,
             Source::FromCenter { .. } => false,
             _ => true,
@@ -431,10 +421,9 @@ fn remembered(all: &[Variable]) -> Vec<Variable> {
         for variable in all {
             match variable.source {
                 Source::Quantity(quantity) if REMEMBERED.contains(&quantity.name) => {
-                    found.extend(Chosen::lags_of(time_s).map(|chosen| {
-                        let lags = [lag_of(quantity, chosen), None, None, None];
-                        Variable { source: Source::Lagged(quantity, chosen), lags, ..variable.clone() }
-                    }));
+                    let lags = [lag_of(quantity, time_s), None, None, None];
+                    let source = Source::Lagged(quantity, time_s);
+                    found.push(Variable { source, lags, ..variable.clone() });
                 }
                 Source::OwnSpeed => {
                     let lags = lags_of_rotors(time_s);

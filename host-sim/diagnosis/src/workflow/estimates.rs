@@ -62,10 +62,6 @@ impl Estimated {
             if !is_told || found.value <= low || found.value >= high {
                 return None;
             }
-            let time = |lags: fn(f64) -> Chosen| {
-                let time_s = rounded(found.value);
-                (lags(time_s), (time_s, found.std_error, "s"))
-            };
             let place = &mut self.terms[term].form.factors[factor].variable;
             let variable = &self.variables[*place];
             let (number, constant) = match variable.chosen()? {
@@ -73,8 +69,10 @@ impl Estimated {
                     let degrees = (PARTS_OF_DEGREE * found.value.to_degrees()).round() / PARTS_OF_DEGREE;
                     (Chosen::BearingDeg(degrees), (degrees, found.std_error.to_degrees(), "deg"))
                 }
-                Chosen::LagS(_) => time(Chosen::LagS),
-                Chosen::TwoLagsS(_) => time(Chosen::TwoLagsS),
+                Chosen::LagS(_) => {
+                    let time_s = rounded(found.value);
+                    (Chosen::LagS(time_s), (time_s, found.std_error, "s"))
+                }
             };
             let (value, std_error, unit) = constant;
             let (name, unit) = (found.name.to_owned(), unit.to_owned());
