@@ -12,6 +12,7 @@ use tempfile::TempDir;
 
 use crate::base::process::shown;
 use crate::base::tally::SKIP_MARK;
+use crate::base::workspace::root;
 use crate::bench::figures::Throughput;
 
 /// The flight file that ours leaves for the others, in the folder named by [`FLIGHT_FILE_FOLDER`].
@@ -155,9 +156,10 @@ impl Peers {
         if path.is_file() { Ok(path) } else { bail!("{} is not there", path.display()) }
     }
 
-    /// Python that leaves nothing in the folder of reference programs, on one thread.
+    /// Python, that of `cargo xtask setup` where it is, that leaves nothing in the folder of reference programs, on one thread.
     fn python(&self) -> Command {
-        let mut command = Command::new("python3");
+        let own = root().join("target/peers/bin/python");
+        let mut command = if own.is_file() { Command::new(own) } else { Command::new("python3") };
         command.current_dir(self.made.path()).env("PYTHONDONTWRITEBYTECODE", "1");
         command.env("W3DATA", self.made("data")).env("OMP_NUM_THREADS", "1");
         command
