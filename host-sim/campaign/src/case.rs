@@ -2,7 +2,7 @@
 
 use control::state_machine::{Action, action};
 use control::{Condition, Conditions, State};
-use sil::endurance::{Crash, Feasibility, Watched, fly_watched_with};
+use sil::endurance::{Crash, Feasibility, Watched, fly_watched};
 use sil::{FlightPlan, Recording, Row, ScenarioResult, SilError};
 
 use crate::draw::{Drawn, Flies};
@@ -109,7 +109,7 @@ impl Ready<'_> {
         let flights: Vec<Planned> =
             cases.into_iter().map(|(case, drawn)| Planned::new(self, case, drawn)).collect();
         let plans: Vec<&FlightPlan> = flights.iter().map(|flight| &flight.plan).collect();
-        let made = fly_watched_with(&plans, |number, watched| {
+        let made = fly_watched(&plans, |number, watched| {
             let (flown, recording) = flights[number].came_of(watched);
             make(flown, recording)
         });

@@ -7,7 +7,7 @@ mod common;
 
 use cpu_time::ProcessTime;
 use sil::FlightPlan;
-use sil::endurance::{Deviations, Watched, fly_watched_with};
+use sil::endurance::{Deviations, Watched, fly_watched};
 
 const FLIGHTS: u32 = 1000;
 const FLIGHT_S: f64 = 20.0;
@@ -20,7 +20,7 @@ fn main() {
     let mut flight_s = 0.0;
     for some in plans.chunks(TOGETHER) {
         let seen = |_, flown: Watched| ((flown.recording.complete, flown.crash), flown.recording.rows);
-        for flown in fly_watched_with(&some.iter().collect::<Vec<_>>(), seen) {
+        for flown in fly_watched(&some.iter().collect::<Vec<_>>(), seen) {
             let (complete, crash) = flown.expect("the thesis' plan can be flown");
             assert!(complete, "{crash:?}");
             flight_s += FLIGHT_S;

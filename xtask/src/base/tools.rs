@@ -103,11 +103,13 @@ pub(crate) const TYPESCRIPT: Tool = Tool {
     version: &["tsc", "--version"],
     install: "npm install --global --no-fund --no-audit typescript@7.0.2",
 };
+/// The Python that has them, in the workspace's top folder.
+pub(crate) const PEERS_PYTHON: &str = "target/peers/bin/python";
 /// Other people's simulators and design tools, in which exported models are flown, and what builds and tests the Python package.
 pub(crate) const PEERS: Tool = Tool {
     name: "mujoco, rotorpy, drake, python-control and Python's tools",
     version: &[
-        "target/peers/bin/python",
+        PEERS_PYTHON,
         "-c",
         "import control, gymnasium, hyperqueue, ipykernel, matplotlib, maturin, mujoco, mypy, nbclient, pandas, polars, pyarrow, pydrake, pytest, rotorpy; \
          print(mujoco.__version__, control.__version__, pandas.__version__)",

@@ -15,6 +15,14 @@ pub(crate) struct Instructions {
     pub(crate) before: Option<u64>,
 }
 
+impl Instructions {
+    /// By how many percent there are more than before.
+    pub(crate) fn percent(self) -> Option<f64> {
+        let before = self.before.filter(|&before| before > 0)?;
+        Some(100.0 * (self.now as f64 / before as f64 - 1.0))
+    }
+}
+
 /// Work done in a time of the processor.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Throughput {
@@ -188,9 +196,8 @@ impl Comparison {
 }
 
 fn change(count: Instructions) -> Option<String> {
-    let before = count.before.filter(|&before| before > 0)?;
-    let percent = 100.0 * (count.now as f64 / before as f64 - 1.0);
-    Some(if count.now == before { "same".to_owned() } else { format!("{percent:+.2} %") })
+    let percent = count.percent()?;
+    Some(if count.before == Some(count.now) { "same".to_owned() } else { format!("{percent:+.2} %") })
 }
 
 /// To three significant digits, for people.

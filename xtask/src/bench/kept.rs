@@ -10,7 +10,7 @@ use std::process::Command;
 use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use super::figures::{Comparison, Figures, Row, grouped, rounded};
+use super::figures::{Comparison, Figures, Instructions, Row, grouped, rounded};
 use crate::base::process::output_of;
 use crate::base::workspace;
 
@@ -32,8 +32,15 @@ pub(super) struct Kept {
 }
 
 impl Kept {
-    /// Figures of the files as they are now.
-    pub(super) fn now(figures: Figures) -> Result<Self> {
+    /// Room in a folder for figures of the files as they are now: what is wrong with either is told before anything is measured.
+    pub(super) fn begun(folder: &Path) -> Result<Self> {
+        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
+        read_all(folder)?;
+        Self::now()
+    }
+
+    /// The files as they are now, without figures.
+    fn now() -> Result<Self> {
         let git = |arguments: &[&str]| {
             output_of(Command::new("git").current_dir(workspace::root()).args(arguments))
                 .with_context(|| "`git` names no commit here: measure in a clone of the repository")
@@ -45,13 +52,17 @@ impl Kept {
             commit: format!("{}{mark}", head.trim()),
             committed: git(&["show", "--no-patch", "--format=%cI", "HEAD"])?.trim().to_owned(),
             processor: processor(),
-            figures,
+            figures: Figures::default(),
         })
     }
 
-    /// Puts these into a folder and writes its page anew; the file.
+    /// With what was measured of these files.
+    pub(super) fn of(self, figures: Figures) -> Self {
+        Self { figures, ..self }
+    }
+
+    /// Puts these into a folder that is there, and writes its page anew; the file.
     pub(super) fn keep(mut self, folder: &Path) -> Result<PathBuf> {
-        std::fs::create_dir_all(folder).with_context(|| format!("cannot make {}", folder.display()))?;
         let file = folder.join(format!("{}.json", self.commit));
         let mut all = read_all(folder)?;
         if let Some(before) = all.iter().position(|kept| kept.commit == self.commit) {
@@ -158,12 +169,10 @@ fn instructions(all: &[Kept]) -> Option<String> {
         row.and_then(|row| row.instructions).map(|count| count.now)
     };
     let cell = |kept: &Kept, row: &Row| {
-        let now = row.instructions?.now;
-        let name = row.name();
-        let place = all.iter().position(|other| other.commit == kept.commit)?;
-        let before = all[place + 1..].iter().find_map(|older| of(older, &name)).filter(|before| *before > 0);
-        let change = before.map(|before| 100.0 * (now as f64 / before as f64 - 1.0));
-        let change = change.map(|percent| format!(" ({percent:+.1} %)")).unwrap_or_default();
+        let (now, name) = (row.instructions?.now, row.name());
+        let mut older = all.iter().skip_while(|other| other.commit != kept.commit).skip(1);
+        let count = Instructions { now, before: older.find_map(|older| of(older, &name)) };
+        let change = count.percent().map(|percent| format!(" ({percent:+.1} %)")).unwrap_or_default();
         Some((name, format!("{}{change}", grouped(now as f64))))
     };
     side_by_side(all, |kept| kept.figures.rows.iter().filter_map(|row| cell(kept, row)).collect())
@@ -188,7 +197,7 @@ fn side_by_side(all: &[Kept], column: impl Fn(&Kept) -> BTreeMap<String, String>
 
 #[cfg(test)]
 mod tests {
-    use super::super::figures::{Instructions, Throughput};
+    use super::super::figures::Throughput;
     use super::*;
 
     fn kept(commit: &str, day: u32, count: u64, seconds: f64) -> Kept {
@@ -247,7 +256,7 @@ mod tests {
 
     #[test]
     fn figures_are_of_the_commit_that_is_checked_out() {
-        let Ok(now) = Kept::now(Figures::default()) else { return };
+        let Ok(now) = Kept::now() else { return };
         assert!(now.commit.len() >= 10 && now.committed.len() >= 19, "{now:?}");
     }
 }

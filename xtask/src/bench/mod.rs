@@ -106,6 +106,8 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     let obstacle = if counts { counting_obstacle(workspace) } else { None };
     let names: Vec<&str> = chosen.iter().map(|bench| bench.name.as_str()).collect();
     let peers = options.against.as_ref().map(|folder| Peers::prepare(folder, &names)).transpose()?;
+    let kept =
+        options.keep.as_ref().map(|folder| Kept::begun(folder).map(|kept| (folder, kept))).transpose()?;
     let mut figures = Figures::default();
     let mut skipped = peers.as_ref().map(|peers| peers.skipped.clone()).unwrap_or_default();
     let mut failed = Vec::new();
@@ -127,8 +129,8 @@ pub(crate) fn run(workspace: &Workspace, options: &Options) -> Result<ExitCode> 
     print!("\n{figures}");
     skipped.iter().for_each(|line| println!("{line}"));
     if failed.is_empty() {
-        if let Some(folder) = &options.keep {
-            println!("kept: {}", Kept::now(figures)?.keep(folder)?.display());
+        if let Some((folder, kept)) = kept {
+            println!("kept: {}", kept.of(figures).keep(folder)?.display());
         }
         return Ok(ExitCode::SUCCESS);
     }

@@ -12,6 +12,7 @@ use tempfile::TempDir;
 
 use crate::base::process::shown;
 use crate::base::tally::SKIP_MARK;
+use crate::base::tools::PEERS_PYTHON;
 use crate::base::workspace::root;
 use crate::bench::figures::Throughput;
 
@@ -158,7 +159,7 @@ impl Peers {
 
     /// Python, that of `cargo xtask setup` where it is, that leaves nothing in the folder of reference programs, on one thread.
     fn python(&self) -> Command {
-        let own = root().join("target/peers/bin/python");
+        let own = root().join(PEERS_PYTHON);
         let mut command = if own.is_file() { Command::new(own) } else { Command::new("python3") };
         command.current_dir(self.made.path()).env("PYTHONDONTWRITEBYTECODE", "1");
         command.env("W3DATA", self.made("data")).env("OMP_NUM_THREADS", "1");

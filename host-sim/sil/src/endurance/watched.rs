@@ -157,14 +157,9 @@ pub struct Watched {
 }
 
 /// Flies plans to their ends or crashes: each as if it was alone, to the bit, but many take less time together. What comes of each is an
-/// error where its plan or configuration cannot be flown.
-pub fn fly_watched(plans: &[&FlightPlan]) -> Vec<Result<Watched, SilError>> {
-    fly_watched_with(plans, |_, watched| (watched, Vec::new()))
-}
-
-/// As [`fly_watched`], but of each flight, by its number, `make` makes at once what is wanted of it, and gives back its rows, whose memory the
-/// next flight has: fresh memory for rows costs more than a fast flight's plant.
-pub fn fly_watched_with<T>(
+/// error where its plan or configuration cannot be flown. Of each flight, by its number, `make` makes what is wanted of it when it ends,
+/// and gives back rows, its own or none, whose memory a later flight has: fresh memory for rows costs more than a fast flight's plant.
+pub fn fly_watched<T>(
     plans: &[&FlightPlan],
     make: impl FnMut(usize, Watched) -> (T, Vec<Row>),
 ) -> Vec<Result<T, SilError>> {
