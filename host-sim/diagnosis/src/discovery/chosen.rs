@@ -1,5 +1,7 @@
 //! Numbers in the formulas of variables that are chosen with a form: bearings and times of lags.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use model::{Followed, Lag, LagId, Quantity};
 
 /// Times of lags, s.
@@ -31,6 +33,8 @@ pub(crate) enum Chosen {
     BearingDeg(f64),
     /// Time of a lag, s.
     LagS(f64),
+    /// Time of each of two lags in a row, s; in no grid.
+    TwoLagsS(f64),
 }
 
 /// How a formula names that number.
@@ -48,37 +52,56 @@ pub(crate) enum Spelling {
 }
 
 impl Chosen {
+    /// Two lags in a row that are much like one: the ages of what is remembered have the same standard deviation.
+    pub(super) fn in_two(self) -> Option<Self> {
+        match self {
+            Self::LagS(time_s) => Some(Self::TwoLagsS(FRAC_1_SQRT_2 * time_s)),
+            _ => None,
+        }
+    }
+
+    /// Time of a lag, or of each of two, s.
+    pub(super) const fn time_s(self) -> Option<f64> {
+        match self {
+            Self::BearingDeg(_) => None,
+            Self::LagS(time_s) | Self::TwoLagsS(time_s) => Some(time_s),
+        }
+    }
+
     /// Whether it is one of a grid's.
     pub(super) fn is_on(self, grid: Grid) -> bool {
         match (self, grid) {
             (Self::BearingDeg(degrees), Grid::Rough) => degrees % ROUGH_DEG == 0.0,
             (Self::BearingDeg(_), Grid::Fine) | (Self::LagS(_), Grid::Rough) => true,
-            (Self::LagS(_), Grid::Fine) => false,
+            (Self::LagS(_), Grid::Fine) | (Self::TwoLagsS(_), _) => false,
         }
     }
 
-    /// How far from another one of its kind: degrees, or steps from time to time.
+    /// How far from another one of its kind: degrees, or the logarithm of the lags' ratio.
     pub(super) fn apart(self, other: Self) -> Option<f64> {
-        let place = |time_s: f64| LAGS_S.iter().position(|own| *own == time_s);
         match (self, other) {
             (Self::BearingDeg(own), Self::BearingDeg(other)) => {
                 let turn = (own - other).abs();
                 Some(turn.min(180.0 - turn))
             }
-            (Self::LagS(own), Self::LagS(other)) => Some(place(own)?.abs_diff(place(other)?) as f64),
-            _ => None,
+            _ => Some((self.time_s()? / other.time_s()?).ln().abs()),
         }
     }
 }
 
 impl Spelling {
-    /// A quantity behind the lag.
-    pub(super) fn lag(&self, of: &str) -> String {
+    /// A quantity behind the lag, or behind two in a row.
+    pub(super) fn lag(&self, of: &str, twice: bool) -> String {
+        let behind = |time: &str| match twice {
+            false => format!("lag({of}, {time})"),
+            true => format!("lag(lag({of}, {time}), {time})"),
+        };
         match self {
-            Self::Between { time, from, to } => format!(
-                "(lag({of}, {from}) + ({time} - {from}) * (lag({of}, {to}) - lag({of}, {from})) / ({to} - {from}))"
-            ),
-            Self::Constant(time) => format!("lag({of}, {time})"),
+            Self::Between { time, from, to } => {
+                let (first, last) = (behind(from), behind(to));
+                format!("({first} + ({time} - {from}) * ({last} - {first}) / ({to} - {from}))")
+            }
+            Self::Constant(time) => behind(time),
             Self::Plain | Self::Bearing(_) => of.to_owned(),
         }
     }
@@ -96,12 +119,38 @@ pub(super) fn along([north, east]: [f64; 2]) -> String {
     format!("({east} * east {joint} {} * north)", north.abs())
 }
 
-/// A quantity behind a lag; nothing where there is no room for another one.
-pub(super) fn lag_of(quantity: &'static Quantity, time_s: f64) -> Option<LagId> {
-    Lag { of: Followed::Quantity(quantity), time_s: Some(time_s) }.id()
+/// Digits of a time of a lag in a formula.
+const DIGITS: i32 = 4;
+
+/// To as many digits as formulas have of a time.
+pub(crate) fn rounded(time_s: f64) -> f64 {
+    let scale = 10_f64.powi(DIGITS - 1 - time_s.abs().log10().floor() as i32);
+    (time_s * scale).round() / scale
+}
+
+/// A quantity behind a lag, or two; nothing where there is no room for another one.
+pub(super) fn lag_of(quantity: &'static Quantity, chosen: Chosen) -> Option<LagId> {
+    let behind = |of: Followed, time_s: f64| Lag { of, time_s: Some(time_s) }.id();
+    match chosen {
+        Chosen::BearingDeg(_) => None,
+        Chosen::LagS(time_s) => behind(Followed::Quantity(quantity), time_s),
+        Chosen::TwoLagsS(time_s) => {
+            behind(Followed::Lag(behind(Followed::Quantity(quantity), time_s)?), time_s)
+        }
+    }
 }
 
 /// The speed of each rotor behind a lag.
 pub(super) fn lags_of_rotors(time_s: f64) -> [Option<LagId>; 4] {
-    ["omega1", "omega2", "omega3", "omega4"].map(|name| lag_of(Quantity::named(name)?, time_s))
+    ["omega1", "omega2", "omega3", "omega4"].map(|name| lag_of(Quantity::named(name)?, Chosen::LagS(time_s)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn times_have_four_digits() {
+        assert_eq!([0.412_345, 1.234_56, 0.05].map(rounded), [0.4123, 1.235, 0.05]);
+    }
 }

@@ -165,14 +165,14 @@ impl Written<'_> {
         let (name, unit, value, possible, typical) = match variable.chosen() {
             None => return Spelling::Plain,
             Some(Chosen::BearingDeg(_)) if !is_free => return Spelling::Plain,
-            Some(Chosen::LagS(time_s)) if !is_free => {
+            Some(Chosen::LagS(time_s) | Chosen::TwoLagsS(time_s)) if !is_free => {
                 return Spelling::Constant(self.constant("memory", "s", time_s));
             }
             Some(Chosen::BearingDeg(degrees)) => {
                 let value = degrees.to_radians();
                 ("bearing", "rad", value, [value - FRAC_PI_2, value + FRAC_PI_2], 1.0)
             }
-            Some(Chosen::LagS(time_s)) => {
+            Some(Chosen::LagS(time_s) | Chosen::TwoLagsS(time_s)) => {
                 ("memory", "s", time_s, [time_s / LAG_REACH, LAG_REACH * time_s], time_s)
             }
         };
@@ -182,7 +182,7 @@ impl Written<'_> {
             CoefficientDefinition { name: name.clone(), unit: unit.to_owned(), possible, typical };
         self.put(definition, value, unit.to_owned());
         match variable.chosen() {
-            Some(Chosen::LagS(_)) => {
+            Some(Chosen::LagS(_) | Chosen::TwoLagsS(_)) => {
                 let from = self.constant("from_memory", "s", value);
                 let to = self.constant("to_memory", "s", LONGER * value);
                 Spelling::Between { time: name, from, to }

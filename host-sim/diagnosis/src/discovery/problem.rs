@@ -3,7 +3,7 @@
 use model::Model;
 use nalgebra::{DMatrix, DVector};
 use sysid::filter::compose;
-use sysid::fit::least_squares::RowColumn;
+use sysid::fit::least_squares::{FlightRows, RowColumn};
 use sysid::fit::slow;
 use sysid::fit::terms::Terms;
 use sysid::prepare::{ForceTarget, Prepared};
@@ -52,25 +52,24 @@ pub(crate) type White = [Option<Vec<f64>>; 6];
 
 impl<'a> Problem<'a> {
     pub(crate) fn new(prepared: &[&'a Prepared], model: &'a Model) -> Self {
-        let own = model.effects();
-        let about: Vec<_> = prepared.iter().map(|flight| rows_about(flight, model, &own)).collect();
+        let about = all_rows_about(prepared, model);
+        let noise = noise_of(prepared, &about);
+        Self::amid(&noise, (prepared, about), model)
+    }
+
+    /// The same where a model with more in it tells what of the residual is noise.
+    pub(crate) fn amid_noise_of(better: &Model, prepared: &[&'a Prepared], model: &'a Model) -> Self {
+        let noise = noise_of(prepared, &all_rows_about(prepared, better));
+        Self::amid(&noise, (prepared, all_rows_about(prepared, model)), model)
+    }
+
+    fn amid(
+        white: &[(Vec<Whitening>, f64); 6],
+        (prepared, about): (&[&'a Prepared], Vec<FlightRows>),
+        model: &'a Model,
+    ) -> Self {
         let mut flights: Vec<Flight<'a>> = Vec::new();
         let mut rows = 0;
-        let noises: Vec<[Noise; 2]> = prepared.iter().map(|flight| Noise::of(flight)).collect();
-        let white: [(Vec<Whitening>, f64); 6] = std::array::from_fn(|axis| {
-            let kind = usize::from(axis >= 3);
-            let noisy: Vec<NoisyRows<'_>> = about
-                .iter()
-                .zip(&noises)
-                .map(|(about, noise)| NoisyRows {
-                    signal: &about.targets[axis],
-                    starts: &about.starts,
-                    sensor: &noise[kind].sensor,
-                    acceleration: &noise[kind].acceleration,
-                })
-                .collect();
-            most_likely(&noisy)
-        });
         for (index, (prepared, about)) in prepared.iter().zip(&about).enumerate() {
             flights.push(Flight {
                 prepared,
@@ -210,6 +209,31 @@ impl<'a> Problem<'a> {
     pub(crate) fn ranges(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
         self.flights.iter().map(|flight| flight.first..flight.first + flight.rows)
     }
+}
+
+/// The rows of flights about a model.
+fn all_rows_about(prepared: &[&Prepared], model: &Model) -> Vec<FlightRows> {
+    let own = model.effects();
+    prepared.iter().map(|flight| rows_about(flight, model, &own)).collect()
+}
+
+/// What makes the rows of each axis white in each flight, and the standard deviation of what that leaves.
+fn noise_of(prepared: &[&Prepared], about: &[FlightRows]) -> [(Vec<Whitening>, f64); 6] {
+    let noises: Vec<[Noise; 2]> = prepared.iter().map(|flight| Noise::of(flight)).collect();
+    std::array::from_fn(|axis| {
+        let kind = usize::from(axis >= 3);
+        let noisy: Vec<NoisyRows<'_>> = about
+            .iter()
+            .zip(&noises)
+            .map(|(about, noise)| NoisyRows {
+                signal: &about.targets[axis],
+                starts: &about.starts,
+                sensor: &noise[kind].sensor,
+                acceleration: &noise[kind].acceleration,
+            })
+            .collect();
+        most_likely(&noisy)
+    })
 }
 
 /// Autocovariances of noise at the rows of a flight's axes of one kind.

@@ -160,6 +160,11 @@ pub(crate) fn refine(problem: &Problem<'_>, form: &Form, variables: &[Variable])
     Some(Refined { form, amplitudes: here.amplitudes.iter().copied().collect(), gain_left_out, improved })
 }
 
+/// What a form takes of the residual at the parameters that fit best near where they are.
+pub(crate) fn gain_of(problem: &Problem<'_>, form: &Form, variables: &[Variable]) -> Option<f64> {
+    settled(&Place::new(problem, form, variables), form.clone()).map(|(_, at)| at.gain)
+}
+
 /// A form at the parameters that fit best near where they are.
 fn settled(place: &Place<'_>, mut form: Form) -> Option<(Form, At)> {
     let Place { problem, variables, .. } = *place;

@@ -11,8 +11,9 @@ use sysid::statistics::correlation;
 use crate::discovery::center::{About, Center, Flown};
 use crate::discovery::chosen::{
     Chosen, FINE_DEG, Grid, LAGS_S, OBLIQUE_DEG, SEARCHED_LAG_S, SEARCHED_OWN_LAG_S, Spelling, along,
-    direction, lag_of, lags_of_rotors,
+    direction, lag_of, lags_of_rotors, rounded,
 };
+use crate::discovery::meaning::meaning;
 use crate::discovery::shapes::Span;
 
 /// Where its value comes from.
@@ -37,8 +38,8 @@ enum Source {
     OwnSpeed,
     /// The own acceleration of each rotor.
     OwnAcceleration,
-    /// A quantity behind a lag of so many seconds.
-    Lagged(&'static Quantity, f64),
+    /// A quantity behind a lag, or two in a row.
+    Lagged(&'static Quantity, Chosen),
     /// By how much each rotor is faster than its own speed behind such a lag.
     OwnAhead(f64),
     /// The integral of the rotors' power.
@@ -146,10 +147,11 @@ impl Variable {
         self.lags.iter().flatten().copied()
     }
 
-    /// Time of its lag, s.
+    /// Time of its lag, or of each of two, s.
     pub(crate) const fn lag_s(&self) -> Option<f64> {
         match self.source {
-            Source::Lagged(_, time_s) | Source::OwnAhead(time_s) => Some(time_s),
+            Source::Lagged(_, chosen) => chosen.time_s(),
+            Source::OwnAhead(time_s) => Some(time_s),
             _ => None,
         }
     }
@@ -182,7 +184,8 @@ impl Variable {
     pub(crate) const fn chosen(&self) -> Option<Chosen> {
         match self.source {
             Source::Along(degrees, _) => Some(Chosen::BearingDeg(degrees)),
-            Source::Lagged(_, time_s) | Source::OwnAhead(time_s) => Some(Chosen::LagS(time_s)),
+            Source::Lagged(_, chosen) => Some(chosen),
+            Source::OwnAhead(time_s) => Some(Chosen::LagS(time_s)),
             _ => None,
         }
     }
@@ -195,9 +198,9 @@ impl Variable {
                 (*own, *toward) = (degrees, direction(degrees));
                 other.formula = along(*toward).into();
             }
-            (Source::Lagged(quantity, own), Chosen::LagS(time_s)) => {
-                *own = time_s;
-                other.lags = [Some(lag_of(quantity, time_s)?), None, None, None];
+            (Source::Lagged(quantity, own), _) => {
+                *own = chosen;
+                other.lags = [Some(lag_of(quantity, chosen)?), None, None, None];
             }
             (Source::OwnAhead(own), Chosen::LagS(time_s)) => {
                 *own = time_s;
@@ -208,16 +211,36 @@ impl Variable {
         Some(other)
     }
 
+    /// A quantity behind a lag, behind two in a row instead that are much like it.
+    pub(crate) fn behind_two_lags(&self) -> Option<Self> {
+        match self.source {
+            Source::Lagged(_, chosen) => self.with_chosen(chosen.in_two()?),
+            _ => None,
+        }
+    }
+
+    /// The same with the time of its lags times a factor; nothing where it has none.
+    pub(crate) fn with_time_times(&self, factor: f64) -> Option<Self> {
+        let chosen = match self.chosen()? {
+            Chosen::BearingDeg(_) => return None,
+            Chosen::LagS(time_s) => Chosen::LagS(rounded(factor * time_s)),
+            Chosen::TwoLagsS(time_s) => Chosen::TwoLagsS(rounded(factor * time_s)),
+        };
+        self.with_chosen(chosen)
+    }
+
     /// How formulas spell it; each rotor's own for one of them.
     pub(crate) fn formula(&self, rotor: Option<usize>, spelling: &Spelling) -> Cow<'_, str> {
         match (self.source, rotor, spelling) {
             (Source::Along(..), _, Spelling::Bearing(name)) => {
                 format!("(cos({name}) * north + sin({name}) * east)").into()
             }
-            (Source::Lagged(quantity, _), ..) => spelling.lag(quantity.name).into(),
+            (Source::Lagged(quantity, chosen), ..) => {
+                spelling.lag(quantity.name, matches!(chosen, Chosen::TwoLagsS(_))).into()
+            }
             (Source::OwnAhead(_), Some(k), _) => {
                 let omega = format!("omega{}", k + 1);
-                format!("({omega} - {})", spelling.lag(&omega)).into()
+                format!("({omega} - {})", spelling.lag(&omega, false)).into()
             }
             (Source::OwnSpeed, Some(k), _) => format!("omega{}", k + 1).into(),
             (Source::OwnAcceleration, Some(k), _) => format!("domega{}", k + 1).into(),
@@ -252,8 +275,14 @@ impl Variable {
             }
             Source::OwnSpeed => "rotor's own speed".into(),
             Source::OwnAcceleration => "rotor's own acceleration".into(),
-            Source::Lagged(quantity, time_s) => {
-                format!("{}, averaged over the last {} s", meaning(quantity.name), number(time_s)).into()
+            Source::Lagged(quantity, Chosen::TwoLagsS(time_s)) => {
+                let time_s = number(time_s);
+                format!("{}, averaged over the last {time_s} s, twice in a row", meaning(quantity.name))
+                    .into()
+            }
+            Source::Lagged(quantity, chosen) => {
+                let time_s = number(chosen.time_s().unwrap_or_default());
+                format!("{}, averaged over the last {time_s} s", meaning(quantity.name)).into()
             }
             Source::OwnAhead(time_s) => {
                 format!("rotor's own speed less its average over the last {} s", number(time_s)).into()
@@ -271,7 +300,7 @@ impl Variable {
     pub(crate) fn is_searched(&self) -> bool {
         match self.source {
             Source::Along(degrees, _) => OBLIQUE_DEG.contains(&degrees),
-            Source::Lagged(_, time_s) => time_s == SEARCHED_LAG_S,
+            Source::Lagged(_, chosen) => chosen == Chosen::LagS(SEARCHED_LAG_S),
             Source::OwnAhead(time_s) => time_s == SEARCHED_OWN_LAG_S,
             Source::FromCenter { .. } => false,
             _ => true,
@@ -348,36 +377,6 @@ impl Variable {
     }
 }
 
-/// A quantity as people call it.
-fn meaning(name: &'static str) -> &'static str {
-    match name {
-        "u" => "forward airspeed u",
-        "v" => "sideward airspeed v",
-        "w" => "airspeed w along the rotors' axis (positive down)",
-        "speed" => "airspeed",
-        "horizontal_speed" => "horizontal airspeed",
-        "north_speed" => "speed north",
-        "east_speed" => "speed east",
-        "down_speed" => "sink rate",
-        "north" => "north position",
-        "east" => "east position",
-        "p" => "roll rate",
-        "q" => "pitch rate",
-        "r" => "yaw rate",
-        "phi" => "roll angle",
-        "theta" => "pitch angle",
-        "psi" => "heading",
-        "omega1" => "speed of rotor 1",
-        "omega2" => "speed of rotor 2",
-        "omega3" => "speed of rotor 3",
-        "omega4" => "speed of rotor 4",
-        "rotor_speed" => "mean rotor speed",
-        "vbat" => "battery voltage",
-        "energy" => "energy used",
-        other => other,
-    }
-}
-
 /// Further columns of the flights, and what they say of another craft.
 fn of_columns() -> Vec<Variable> {
     let columns = user_effects::columns();
@@ -421,8 +420,9 @@ fn remembered(all: &[Variable]) -> Vec<Variable> {
         for variable in all {
             match variable.source {
                 Source::Quantity(quantity) if REMEMBERED.contains(&quantity.name) => {
-                    let lags = [lag_of(quantity, time_s), None, None, None];
-                    let source = Source::Lagged(quantity, time_s);
+                    let chosen = Chosen::LagS(time_s);
+                    let lags = [lag_of(quantity, chosen), None, None, None];
+                    let source = Source::Lagged(quantity, chosen);
                     found.push(Variable { source, lags, ..variable.clone() });
                 }
                 Source::OwnSpeed => {

@@ -16,6 +16,8 @@ use crate::discovery::candidates::{Candidates, candidates};
 use crate::discovery::choice::{quantities, ranked, rivals};
 use crate::discovery::define::{Defined, define};
 use crate::discovery::form::Form;
+use crate::discovery::memory::{remembering, remembers};
+use crate::discovery::problem::Problem;
 use crate::discovery::refine::Refined;
 use crate::discovery::variables::Variable;
 use crate::discovery::words::{formula, known_physics, sentence, short, to_fly};
@@ -105,13 +107,13 @@ fn discover_beyond(
     observer: &dyn Observer,
 ) -> Result<Discovery, WorkflowError> {
     let variables = Variable::all(&sets.train(), model);
-    let hunt = Hunt { model, sets, variables: &variables, options, observer };
+    let mut hunt = Hunt { model, sets, variables, options, observer };
     let mut terms: Vec<Refined> = Vec::new();
     let known_fit = hunt.fitted(model)?;
     let left_by = |rest: &Validated| what_is_left(rest, &sets.train(), &sets.validate()).unexplained;
     let mut left = left_by(&known_fit);
     let (mut rest, mut last, mut refused) = (known_fit.clone(), None, None);
-    let found = candidates(&sets.train(), model, &variables, observer);
+    let found = candidates(&sets.train(), model, &hunt.variables, observer);
     let mut further: Option<Candidates> = None;
     loop {
         if observer.is_cancelled() {
@@ -123,7 +125,7 @@ fn discover_beyond(
         }
         match hunt.next_term(&rest, found, &terms) {
             Next::Term(found) => {
-                let (term, with) = *found;
+                let (term, with) = hunt.remembering(&rest, &terms, *found);
                 terms.push(term);
                 rest = validated(with.fit.clone(), &sets.validate()).map_err(|why| sets.blame(why))?;
                 left = left_by(&rest);
@@ -138,7 +140,7 @@ fn discover_beyond(
         if terms.len() == MOST_TERMS || left.is_empty() {
             break;
         }
-        further = Some(candidates(&sets.train(), &rest.fit.model, &variables, observer));
+        further = Some(candidates(&sets.train(), &rest.fit.model, &hunt.variables, observer));
     }
     let (proposals, model) = hunt.proposals(&known_fit, &terms, last, &found)?;
     let verdict = match (proposals.is_empty(), left.is_empty()) {
@@ -148,6 +150,11 @@ fn discover_beyond(
     };
     let refused = refused.filter(|_| verdict == DiscoveryVerdict::NotAFormula);
     Ok(Discovery { proposals, verdict, known, refused, left, search_p_value: found.p_value, model })
+}
+
+/// The name of a term that is judged after so many others.
+fn name_of_term(others: usize) -> String {
+    if others == 0 { FIRST.into() } else { format!("discovered-term-{}", others + 1) }
 }
 
 /// What comes of a search for a further term.
@@ -182,7 +189,7 @@ fn holds(addition: &Addition, questions: usize) -> bool {
 struct Hunt<'a> {
     model: &'a Model,
     sets: &'a FlightSets,
-    variables: &'a [Variable],
+    variables: Vec<Variable>,
     options: &'a Options,
     observer: &'a dyn Observer,
 }
@@ -192,19 +199,19 @@ impl Hunt<'_> {
     /// bear it out.
     fn next_term(&self, about: &Validated, found: &Candidates, terms: &[Refined]) -> Next {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
-        let id = if terms.is_empty() { FIRST.into() } else { format!("discovered-term-{}", terms.len() + 1) };
+        let id = name_of_term(terms.len());
         let mut refused: Option<String> = None;
         let mut asked: Vec<Asked> = Vec::new();
         // All terms together become one effect of users, which has its limits.
         let joins = |chosen: &&Refined| {
             let all: Vec<Refined> = terms.iter().chain([*chosen]).cloned().collect();
-            let joint = define(&id, DRAFT.into(), &all, self.variables);
+            let joint = define(&id, DRAFT.into(), &all, &self.variables);
             effects::check(&file_of(vec![joint.definition]), Path::new(HERE)).is_ok()
         };
-        for chosen in ranked(&found.refined, self.variables).into_iter().filter(joins).take(FITTED) {
-            let (axes, numbers) = (chosen.form.channel.axes(), chosen.form.count(self.variables));
+        for chosen in ranked(&found.refined, &self.variables).into_iter().filter(joins).take(FITTED) {
+            let (axes, numbers) = (chosen.form.channel.axes(), chosen.form.count(&self.variables));
             let Some(questions) = questions(axes, numbers, &asked) else { continue };
-            let defined = define(&id, DRAFT.into(), std::slice::from_ref(chosen), self.variables);
+            let defined = define(&id, DRAFT.into(), std::slice::from_ref(chosen), &self.variables);
             let why = match self.judge(about, &defined) {
                 Ok(addition) if holds(&addition, questions) => {
                     return Next::Term(Box::new(self.settled(about, &id, chosen, addition)));
@@ -220,7 +227,7 @@ impl Hunt<'_> {
                 // What cannot be fitted with the model's own coefficients takes no answer away.
                 Err(why) => why.to_string(),
             };
-            refused.get_or_insert_with(|| format!("{}: {why}", short(&chosen.form, self.variables)));
+            refused.get_or_insert_with(|| format!("{}: {why}", short(&chosen.form, &self.variables)));
         }
         Next::Refused(
             refused.unwrap_or_else(|| "no form predicts a training flight that it was not fitted to".into()),
@@ -235,13 +242,37 @@ impl Hunt<'_> {
             let Some(channel) = term.form.channel.with_levers_of(&better.1.fit.model) else { break };
             let mut again = better.0.clone();
             again.form.channel = channel;
-            let defined = define(id, DRAFT.into(), std::slice::from_ref(&again), self.variables);
+            let defined = define(id, DRAFT.into(), std::slice::from_ref(&again), &self.variables);
             match self.judge(about, &defined) {
                 Ok(addition) if addition.finding.supported => better = (again, addition),
                 _ => break,
             }
         }
         better
+    }
+
+    /// A term that looks back, with the time and the number of lags that fit best, where it holds with them too. Were they wrong, a further
+    /// term would be found in what that leaves.
+    fn remembering(
+        &mut self,
+        about: &Validated,
+        terms: &[Refined],
+        (term, with): (Refined, Addition),
+    ) -> (Refined, Addition) {
+        if !remembers(&term.form, &self.variables) {
+            return (term, with);
+        }
+        let flights = self.sets.train();
+        let problem = Problem::amid_noise_of(&with.fit.model, &flights, &about.fit.model);
+        let Some(better) = remembering(&problem, &term.form, &mut self.variables) else {
+            return (term, with);
+        };
+        let defined =
+            define(&name_of_term(terms.len()), DRAFT.into(), std::slice::from_ref(&better), &self.variables);
+        match self.judge(about, &defined) {
+            Ok(addition) if addition.finding.supported => (better, addition),
+            _ => (term, with),
+        }
     }
 
     /// The terms as one proposal, and their rivals as others; and the model with the first. `last` is what came of the last term.
@@ -255,12 +286,12 @@ impl Hunt<'_> {
         let Some(first) = terms.first() else { return Ok((Vec::new(), self.model.clone())) };
         // One term by itself is fitted already.
         let known = last.filter(|_| terms.len() == 1);
-        let rivals = rivals(&found.refined, first, self.variables);
+        let rivals = rivals(&found.refined, first, &self.variables);
         let (proposal, model) = self.propose((about, known), FIRST, (terms, &rivals[..]), found)?;
         let mut proposals = vec![proposal];
         for rival in rivals.into_iter().take(RIVALS_JUDGED) {
             let id = format!("discovered-{}", proposals.len() + 1);
-            let others = self::rivals(&found.refined, rival, self.variables);
+            let others = self::rivals(&found.refined, rival, &self.variables);
             // A rival that cannot be fitted with the model's own coefficients is none.
             if let Ok((judged, _)) =
                 self.propose((about, None), &id, (std::slice::from_ref(rival), &others[..]), found)
@@ -287,7 +318,7 @@ impl Hunt<'_> {
             let addition = self.judge(about, defined).ok()?;
             addition.fit.is_settled.then_some(addition.finding.coefficients)
         };
-        let estimated = estimated(terms, self.variables, fit)?;
+        let estimated = estimated(terms, &self.variables, fit)?;
         let defined = define(id, DRAFT.into(), &estimated.terms, &estimated.variables);
         let addition = self.judge(about, &defined).ok().filter(|addition| addition.finding.supported)?;
         Some((estimated, addition))
@@ -309,7 +340,7 @@ impl Hunt<'_> {
             (Some(better), _) => better,
             (None, Some(known)) => (plain(), known),
             // A name for the fit; the words are those of what it finds.
-            (None, None) => (plain(), self.judge(about, &define(id, DRAFT.into(), terms, self.variables))?),
+            (None, None) => (plain(), self.judge(about, &define(id, DRAFT.into(), terms, &self.variables))?),
         };
         let model = addition.fit.model.clone();
         Ok((self.described(id, (&own, addition), (&terms[0], rivals), found.p_value), model))
@@ -355,8 +386,8 @@ impl Hunt<'_> {
             splits: [first.improved, self.sets.train().len()],
             flights_improved: finding.flights_improved,
             flights: self.falls(&finding),
-            rivals: rivals.iter().map(|rival| short(&rival.form, self.variables)).collect(),
-            excite: to_fly(&first.form, &other_forms, self.variables),
+            rivals: rivals.iter().map(|rival| short(&rival.form, &self.variables)).collect(),
+            excite: to_fly(&first.form, &other_forms, &self.variables),
             definition: defined.definition,
             finding,
         }

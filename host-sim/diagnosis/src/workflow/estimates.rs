@@ -5,7 +5,7 @@
 //! coefficients where bearings and times are not known beforehand.
 
 use crate::discovery::FormNumber;
-use crate::discovery::chosen::Chosen;
+use crate::discovery::chosen::{Chosen, rounded};
 use crate::discovery::define::{Defined, define_free};
 use crate::discovery::refine::Refined;
 use crate::discovery::variables::Variable;
@@ -13,8 +13,7 @@ use crate::finding::CoefficientFigures;
 
 /// Fits, each from where the last one led: a lag is not straight over its time.
 const PASSES: usize = 2;
-/// Digits of a time of a lag in a formula, and parts of a degree of a bearing: finer than these are known.
-const DIGITS: i32 = 4;
+/// Parts of a degree of a bearing: finer than these are known.
 const PARTS_OF_DEGREE: f64 = 100.0;
 
 /// Forms with their bearings and times of lags as estimated.
@@ -62,6 +61,10 @@ impl Estimated {
             if !is_told || found.value <= low || found.value >= high {
                 return None;
             }
+            let time = |lags: fn(f64) -> Chosen| {
+                let time_s = rounded(found.value);
+                (lags(time_s), (time_s, found.std_error, "s"))
+            };
             let place = &mut self.terms[term].form.factors[factor].variable;
             let variable = &self.variables[*place];
             let (number, constant) = match variable.chosen()? {
@@ -69,10 +72,8 @@ impl Estimated {
                     let degrees = (PARTS_OF_DEGREE * found.value.to_degrees()).round() / PARTS_OF_DEGREE;
                     (Chosen::BearingDeg(degrees), (degrees, found.std_error.to_degrees(), "deg"))
                 }
-                Chosen::LagS(_) => {
-                    let time_s = rounded(found.value);
-                    (Chosen::LagS(time_s), (time_s, found.std_error, "s"))
-                }
+                Chosen::LagS(_) => time(Chosen::LagS),
+                Chosen::TwoLagsS(_) => time(Chosen::TwoLagsS),
             };
             let (value, std_error, unit) = constant;
             let (name, unit) = (found.name.to_owned(), unit.to_owned());
@@ -89,12 +90,6 @@ impl Estimated {
     }
 }
 
-/// To so many digits.
-fn rounded(value: f64) -> f64 {
-    let scale = 10_f64.powi(DIGITS - 1 - value.abs().log10().floor() as i32);
-    (value * scale).round() / scale
-}
-
 /// Forms with the values of a fit of them all, in the order of its coefficients.
 pub(super) fn with_values(terms: &[Refined], mut values: impl Iterator<Item = f64>) -> Vec<Refined> {
     let mut fitted = terms.to_vec();
@@ -108,14 +103,4 @@ pub(super) fn with_values(terms: &[Refined], mut values: impl Iterator<Item = f6
         }
     }
     fitted
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn times_have_four_digits() {
-        assert_eq!([0.412_345, 1.234_56, 0.05].map(rounded), [0.4123, 1.235, 0.05]);
-    }
 }

@@ -6,6 +6,7 @@ use std::hash::{Hash, Hasher};
 use std::num::ParseFloatError;
 use std::str::FromStr;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use crate::sample::Sample;
 use crate::user_effects::arithmetic::Arithmetic;
@@ -50,10 +51,28 @@ enum Operation {
     Two(Operator, usize, usize),
 }
 
+/// Lists whose last values are kept: those of a model's effects.
+const MOST_KEPT: usize = 8;
+
+/// The place of the last bit of [`Depends`].
+const LAST_BIT: usize = Depends::BITS as usize - 1;
+
+/// The next list's number.
+static NEXT: AtomicUsize = AtomicUsize::new(0);
+
+/// Inputs that something depends on: a bit for each, the last one for all that have none of their own.
+type Depends = u64;
+
 /// The operations of some formulas, none twice.
 #[derive(Debug)]
 pub(super) struct Tape {
+    /// No other has this one.
+    id: usize,
     inputs: Vec<Input>,
+    /// The inputs that are coefficients and have a bit of their own.
+    coefficients: Depends,
+    /// What each operation depends on.
+    depends: Vec<Depends>,
     /// Follow the inputs among the values; results of operations follow these.
     numbers: Vec<f64>,
     operations: Vec<Operation>,
@@ -188,9 +207,13 @@ impl Tape {
             Written::One(function, a) => Operation::One(function, place(a)),
             Written::Two(operator, a, b) => Operation::Two(operator, place(a), place(b)),
         };
+        let operations: Vec<Operation> = operations.into_iter().map(placed).collect();
         Self {
-            operations: operations.into_iter().map(placed).collect(),
+            id: NEXT.fetch_add(1, Ordering::Relaxed),
+            coefficients: coefficients(&inputs),
+            depends: depends(&operations, inputs.len(), first_result),
             outputs: outputs.into_iter().map(place).collect(),
+            operations,
             inputs,
             numbers,
         }
@@ -203,24 +226,106 @@ impl Tape {
 
     fn run(&self, input: impl Fn(&Input) -> f64, mut take: impl FnMut(usize, f64)) {
         thread_local! {
-            /// Kept from one evaluation to the next: there is one for each sample.
-            static VALUES: RefCell<Vec<f64>> = const { RefCell::new(Vec::new()) };
+            /// Kept from one evaluation to the next: there are some for each sample, of each effect in turn.
+            static KEPT: RefCell<Vec<Kept>> = const { RefCell::new(Vec::new()) };
         }
-        let (first_number, first_result) = (self.inputs.len(), self.inputs.len() + self.numbers.len());
-        let count = first_result + self.operations.len();
-        VALUES.with_borrow_mut(|values| {
-            if values.len() < count {
-                values.resize(count, 0.0);
-            }
-            let values = &mut values[..count];
-            values.iter_mut().zip(&self.inputs).for_each(|(value, own)| *value = input(own));
-            values[first_number..first_result].copy_from_slice(&self.numbers);
-            for (k, operation) in self.operations.iter().enumerate() {
-                values[first_result + k] = operation.apply(values);
-            }
+        KEPT.with_borrow_mut(|kept| {
+            let values = Kept::of(kept, self).evaluated(self, input);
             self.outputs.iter().enumerate().for_each(|(k, place)| take(k, values[*place]));
         });
     }
+
+    const fn first_result(&self) -> usize {
+        self.inputs.len() + self.numbers.len()
+    }
+}
+
+/// The last evaluation at a sample. A fit asks for the same sample again with one coefficient a little further, on which few operations
+/// depend.
+struct Kept {
+    /// The number of the list whose values they are.
+    id: usize,
+    /// Whether there are no values yet.
+    is_new: bool,
+    values: Vec<f64>,
+    /// With coefficients as asked for last.
+    moved: Vec<f64>,
+}
+
+impl Kept {
+    /// What is kept of a list, in the place of that of the oldest where there is much.
+    fn of<'a>(all: &'a mut Vec<Self>, tape: &Tape) -> &'a mut Self {
+        let known = all.iter().position(|kept| kept.id == tape.id);
+        let place = known.unwrap_or_else(|| {
+            if all.len() == MOST_KEPT {
+                all.remove(0);
+            }
+            all.push(Self::new(tape));
+            all.len() - 1
+        });
+        &mut all[place]
+    }
+
+    fn new(tape: &Tape) -> Self {
+        let mut values = vec![0.0; tape.inputs.len()];
+        values.extend(&tape.numbers);
+        values.resize(tape.first_result() + tape.operations.len(), 0.0);
+        Self { id: tape.id, is_new: true, moved: values.clone(), values }
+    }
+
+    /// All values of a list.
+    fn evaluated(&mut self, tape: &Tape, input: impl Fn(&Input) -> f64) -> &[f64] {
+        let mut changed: Depends = 0;
+        for (k, own) in tape.inputs.iter().enumerate() {
+            let value = input(own);
+            if value.to_bits() != self.values[k].to_bits() {
+                changed |= bit(k);
+            }
+            self.moved[k] = value;
+        }
+        let first_result = tape.first_result();
+        if self.is_new || changed & !tape.coefficients != 0 {
+            self.is_new = false;
+            self.values[..tape.inputs.len()].copy_from_slice(&self.moved[..tape.inputs.len()]);
+            for (k, operation) in tape.operations.iter().enumerate() {
+                self.values[first_result + k] = operation.apply(&self.values);
+            }
+            return &self.values;
+        }
+        for (k, (operation, depends)) in tape.operations.iter().zip(&tape.depends).enumerate() {
+            let place = first_result + k;
+            let is_as_before = depends & changed == 0;
+            self.moved[place] = if is_as_before { self.values[place] } else { operation.apply(&self.moved) };
+        }
+        &self.moved
+    }
+}
+
+/// The bit of an input.
+fn bit(input: usize) -> Depends {
+    1 << input.min(LAST_BIT)
+}
+
+fn coefficients(inputs: &[Input]) -> Depends {
+    let own = inputs.iter().enumerate().take(LAST_BIT);
+    own.filter(|(_, input)| matches!(input, Input::Coefficient(_))).fold(0, |all, (k, _)| all | bit(k))
+}
+
+/// What operations depend on, of so many inputs; the first result has that place among the values.
+fn depends(operations: &[Operation], inputs: usize, first_result: usize) -> Vec<Depends> {
+    let mut all: Vec<Depends> = Vec::with_capacity(operations.len());
+    for operation in operations {
+        let of = |place: usize| match place {
+            input if input < inputs => bit(input),
+            number if number < first_result => 0,
+            result => all[result - first_result],
+        };
+        all.push(match *operation {
+            Operation::One(_, a) => of(a),
+            Operation::Two(_, a, b) => of(a) | of(b),
+        });
+    }
+    all
 }
 
 /// Where a value stands.
@@ -343,5 +448,43 @@ mod tests {
         tape.run(given, |row, value| found[row] = value);
         let common = k * (-(x / 0.5_f64)).exp();
         assert!((found[0] - 6.0 * common).abs() < 1e-15 && (found[1] - (5.0 - common)).abs() < 1e-15);
+    }
+
+    /// Whatever was asked before, also of another list: more inputs than there are bits among them.
+    #[test]
+    fn what_is_kept_from_the_last_evaluation_changes_no_value() {
+        let wide =
+            (0..70).map(|k| format!("x{k} * exp(-x{}^2)", (k + 1) % 70)).collect::<Vec<_>>().join(" + ");
+        let formulas = ["a * tanh((x - b) / c) + exp(-x)", &wide].map(|text| Formula::parse(text).unwrap());
+        let value = |formula: &Formula, inputs: &[f64]| value_of(formula.recorded(), inputs);
+        let tapes = formulas.each_ref().map(|formula| {
+            let of = |name: &String| match name.as_str() {
+                "x" => Input::Further(crate::user_effects::columns::FurtherColumn { name: "x", place: 0 }),
+                _ => Input::Coefficient(0),
+            };
+            // Each name an input of its own.
+            let inputs = formula.names().iter().enumerate().map(|(k, name)| match of(name) {
+                Input::Coefficient(_) => Input::Coefficient(k),
+                other => other,
+            });
+            Tape::new(&[(formula.recorded(), &inputs.collect::<Vec<_>>())])
+        });
+        let mut state = 7_u64;
+        let mut inputs = formulas.each_ref().map(|formula| vec![0.5; formula.names().len()]);
+        for step in 0..2000 {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            let which = usize::from(step % 7 == 0);
+            let places = inputs[which].len();
+            inputs[which][(state >> 40) as usize % places] = ((state >> 20) % 1000) as f64 / 500.0 - 1.0;
+            let values = &inputs[which];
+            let mut found = f64::NAN;
+            let given = |input: &Input| match input {
+                Input::Coefficient(k) => values[*k],
+                _ => values[formulas[which].names().iter().position(|name| name == "x").unwrap()],
+            };
+            tapes[which].run(given, |_, value| found = value);
+            let expected = value(&formulas[which], values);
+            assert_eq!(found.to_bits(), expected.to_bits(), "step {step}: {found} {expected}");
+        }
     }
 }

@@ -1,0 +1,31 @@
+//! Measured quantities as people call them.
+
+/// A quantity, by its name in formulas.
+pub(super) fn meaning(name: &'static str) -> &'static str {
+    match name {
+        "u" => "forward airspeed u",
+        "v" => "sideward airspeed v",
+        "w" => "airspeed w along the rotors' axis (positive down)",
+        "speed" => "airspeed",
+        "horizontal_speed" => "horizontal airspeed",
+        "north_speed" => "speed north",
+        "east_speed" => "speed east",
+        "down_speed" => "sink rate",
+        "north" => "north position",
+        "east" => "east position",
+        "p" => "roll rate",
+        "q" => "pitch rate",
+        "r" => "yaw rate",
+        "phi" => "roll angle",
+        "theta" => "pitch angle",
+        "psi" => "heading",
+        "omega1" => "speed of rotor 1",
+        "omega2" => "speed of rotor 2",
+        "omega3" => "speed of rotor 3",
+        "omega4" => "speed of rotor 4",
+        "rotor_speed" => "mean rotor speed",
+        "vbat" => "battery voltage",
+        "energy" => "energy used",
+        other => other,
+    }
+}
