@@ -190,29 +190,35 @@ fn to_be_tuned(refined: &[Refined], variables: &[Variable]) -> Vec<bool> {
 fn tune(problem: &Problem<'_>, best: &mut Refined, variables: &[Variable]) {
     for grid in [Grid::Rough, Grid::Fine] {
         for factor in 0..best.form.factors.len() {
+            // On the way to where it gets, each is tried once.
+            let mut tried = vec![best.form.factors[factor].variable];
             for _ in 0..STEPS_AMONG_RELATIVES {
-                let Some(better) = better_relative(problem, best, (factor, variables), grid) else { break };
+                let own = &variables[best.form.factors[factor].variable];
+                let mut near = own.relatives(variables, grid);
+                near.truncate(NEAREST);
+                near.retain(|relative| !tried.contains(relative));
+                tried.extend(&near);
+                let Some(better) = best_relative(problem, best, (factor, variables), near) else { break };
                 *best = better;
             }
         }
     }
 }
 
-/// A form with one of the nearest relatives of the variable of a factor, if it is worth more with that.
-fn better_relative(
+/// A form with one of some relatives of the variable of a factor, if it is worth more with that.
+fn best_relative(
     problem: &Problem<'_>,
     best: &Refined,
     (factor, variables): (usize, &[Variable]),
-    grid: Grid,
+    relatives: Vec<usize>,
 ) -> Option<Refined> {
-    let relatives = variables[best.form.factors[factor].variable].relatives(variables, grid);
     let with = |variable: usize| {
         let mut form = best.form.clone();
         form.factors[factor].variable = variable;
         refine(problem, &form, variables)
     };
-    let nearest = relatives.into_iter().take(NEAREST).filter_map(with);
-    let better = nearest.max_by(|one, other| one.gain_left_out.total_cmp(&other.gain_left_out))?;
+    let refined = relatives.into_iter().filter_map(with);
+    let better = refined.max_by(|one, other| one.gain_left_out.total_cmp(&other.gain_left_out))?;
     (better.gain_left_out > best.gain_left_out).then_some(better)
 }
 

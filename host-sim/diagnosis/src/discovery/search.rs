@@ -56,7 +56,7 @@ pub(crate) fn over_variable(
 ) -> Found {
     let mut by_chance = vec![f64::NEG_INFINITY; against.residuals() - 1];
     let hats = EvenHats { ends: [span.low, span.high], count: knot_count };
-    let shapes: Vec<(Shape, Vec<f64>)> = span.shapes().into_iter().filter_map(|s| over(s, hats)).collect();
+    let (shapes, values) = over(span.shapes(), hats);
     let mut best = Vec::new();
     for bases in bases {
         let Some((taking, products)) =
@@ -68,8 +68,8 @@ pub(crate) fn over_variable(
             let amplitudes = base.channel.amplitudes();
             let products = Independent::new(products.of(place, against), against, amplitudes);
             let mut scored: Vec<Scored> = Vec::new();
-            for (shape, values) in &shapes {
-                let Some(gains) = products.gains(values) else { continue };
+            for (shape, gains) in shapes.iter().zip(products.gains(&values)) {
+                let Some(gains) = gains else { continue };
                 let mut form = base.clone();
                 form.factors.push(Factor { variable, shape: *shape });
                 let count = form.count(variables);
@@ -85,10 +85,14 @@ pub(crate) fn over_variable(
     Found { best, by_chance }
 }
 
-/// A shape with its values on the knots of hats, if it has any.
-fn over(shape: Shape, hats: EvenHats) -> Option<(Shape, Vec<f64>)> {
-    let values: Vec<f64> = (0..hats.count).map(|k| shape.at(hats.knot(k))).collect();
-    values.iter().all(|value| value.is_finite()).then_some((shape, values))
+/// Shapes that have values on all the knots of hats, and these values, a column for each.
+fn over(shapes: Vec<Shape>, hats: EvenHats) -> (Vec<Shape>, DMatrix<f64>) {
+    let column = |shape: &Shape| DVector::from_fn(hats.count, |k, _| shape.at(hats.knot(k)));
+    let finite = shapes.into_iter().map(|shape| (shape, column(&shape)));
+    let (shapes, columns): (Vec<Shape>, Vec<DVector<f64>>) =
+        finite.filter(|(_, values)| values.iter().all(|value| value.is_finite())).unzip();
+    let values = DMatrix::from_fn(hats.count, columns.len(), |row, k| columns[k][row]);
+    (shapes, values)
 }
 
 /// The best two families, each by its best shape.
@@ -124,20 +128,33 @@ impl Independent {
         Self { gram, whole, with_residual, amplitudes }
     }
 
-    /// What a shape takes of each residual; nothing where the model takes the shape itself.
-    fn gains(&self, values: &[f64]) -> Option<DVector<f64>> {
-        let (d, hats) = (self.amplitudes, values.len());
-        let weight = |row: usize, k: usize| if row / hats == k { values[row % hats] } else { 0.0 };
-        let weights = DMatrix::from_fn(self.gram.nrows(), d, weight);
-        let square = weights.tr_mul(&(&self.gram * &weights));
-        let whole = weights.tr_mul(&(&self.whole * &weights));
-        if (0..d).any(|k| {
-            square[(k, k)].partial_cmp(&(LEAST_LEFT * whole[(k, k)])) != Some(std::cmp::Ordering::Greater)
-        }) {
-            return None;
-        }
-        let right = weights.tr_mul(&self.with_residual);
-        let solved = square.cholesky()?.solve(&right);
-        Some(DVector::from_fn(right.ncols(), |k, _| right.column(k).dot(&solved.column(k))))
+    /// What each shape takes of each residual; nothing where the model takes the shape itself. Shapes are columns of values on the knots.
+    fn gains(&self, shapes: &DMatrix<f64>) -> Vec<Option<DVector<f64>>> {
+        let (d, hats) = (self.amplitudes, shapes.nrows());
+        // Of shapes with themselves, one way to act with another.
+        let squares = |of: &DMatrix<f64>, row: usize, column: usize| -> Vec<f64> {
+            let with = of.view((row * hats, column * hats), (hats, hats)) * shapes;
+            shapes.column_iter().zip(with.column_iter()).map(|(shape, with)| shape.dot(&with)).collect()
+        };
+        let pairs = |k: usize| (k / d, k % d);
+        let left: Vec<Vec<f64>> =
+            (0..d * d).map(pairs).map(|(row, column)| squares(&self.gram, row, column)).collect();
+        let whole: Vec<Vec<f64>> = (0..d).map(|k| squares(&self.whole, k, k)).collect();
+        let right: Vec<DMatrix<f64>> =
+            (0..d).map(|k| self.with_residual.rows(k * hats, hats).tr_mul(shapes)).collect();
+        let is_left = |shape: usize, k: usize| {
+            left[k * d + k][shape].partial_cmp(&(LEAST_LEFT * whole[k][shape]))
+                == Some(std::cmp::Ordering::Greater)
+        };
+        let gains_of = |shape: usize| {
+            if !(0..d).all(|k| is_left(shape, k)) {
+                return None;
+            }
+            let square = DMatrix::from_fn(d, d, |row, column| left[row * d + column][shape]);
+            let right = DMatrix::from_fn(d, self.with_residual.ncols(), |k, of| right[k][(of, shape)]);
+            let solved = square.cholesky()?.solve(&right);
+            Some(DVector::from_fn(right.ncols(), |k, _| right.column(k).dot(&solved.column(k))))
+        };
+        (0..shapes.ncols()).map(gains_of).collect()
     }
 }

@@ -200,7 +200,8 @@ impl Hunt<'_> {
     fn next_term(&self, about: &Validated, found: &Candidates, terms: &[Refined]) -> Next {
         self.observer.progress(Progress { activity: "testing a form on the flights held out", steps: None });
         let id = name_of_term(terms.len());
-        let mut refused: Option<String> = None;
+        // The first that the flights held out were asked of says more than those before it.
+        let mut refused: Option<(bool, String)> = None;
         let mut asked: Vec<Asked> = Vec::new();
         // All terms together become one effect of users, which has its limits.
         let joins = |chosen: &&Refined| {
@@ -212,26 +213,27 @@ impl Hunt<'_> {
             let (axes, numbers) = (chosen.form.channel.axes(), chosen.form.count(&self.variables));
             let Some(questions) = questions(axes, numbers, &asked) else { continue };
             let defined = define(&id, DRAFT.into(), std::slice::from_ref(chosen), &self.variables);
-            let why = match self.judge(about, &defined) {
+            let (was_asked, why) = match self.judge(about, &defined) {
                 Ok(addition) if holds(&addition, questions) => {
                     return Next::Term(Box::new(self.settled(about, &id, chosen, addition)));
                 }
                 Ok(addition) if terms.is_empty() && addition.finding.p_value > SIGNIFICANCE => {
                     // The training flights alone do not tell its numbers: those held out were not asked.
-                    addition.finding.reason.to_string()
+                    (false, addition.finding.reason.to_string())
                 }
                 Ok(addition) => {
                     asked.extend(axes.iter().map(|axis| Asked { axis: *axis, numbers }));
-                    addition.finding.reason.to_string()
+                    (true, addition.finding.reason.to_string())
                 }
                 // What cannot be fitted with the model's own coefficients takes no answer away.
-                Err(why) => why.to_string(),
+                Err(why) => (false, why.to_string()),
             };
-            refused.get_or_insert_with(|| format!("{}: {why}", short(&chosen.form, &self.variables)));
+            if refused.as_ref().is_none_or(|(was_before, _)| was_asked && !was_before) {
+                refused = Some((was_asked, format!("{}: {why}", short(&chosen.form, &self.variables))));
+            }
         }
-        Next::Refused(
-            refused.unwrap_or_else(|| "no form predicts a training flight that it was not fitted to".into()),
-        )
+        let none = || "no form predicts a training flight that it was not fitted to".into();
+        Next::Refused(refused.map_or_else(none, |(_, why)| why))
     }
 
     /// A term that holds, and the model with it. What a rotor does was known from a model without the term: where that counts, it is
