@@ -8,7 +8,8 @@ use crate::discovery::problem::Problem;
 /// model leaves, the others have its colour and random phases.
 pub(crate) struct Against {
     /// Columns: the vectors of the basis that differ from zero on the axis, then the residuals.
-    pub(crate) axes: [DMatrix<f64>; 6],
+    /// In single precision: they are held against many more rows than are fitted.
+    pub(crate) axes: [DMatrix<f32>; 6],
     /// Which vectors of the basis these are.
     pub(crate) of_basis: [Vec<usize>; 6],
     /// Vectors of the basis.
@@ -26,7 +27,7 @@ impl Against {
             for (k, other) in others.iter().enumerate() {
                 all.column_mut(own + k + 1).copy_from_slice(&other[axis]);
             }
-            all
+            all.cast()
         });
         let of_basis = std::array::from_fn(|axis| problem.basis(axis).of.clone());
         Self { axes, of_basis, taken: problem.taken }

@@ -46,6 +46,12 @@ impl About {
         }
     }
 
+    /// From towards a center to the direction of the force.
+    #[inline]
+    fn turned(self, towards: Vector3<f64>) -> Vector3<f64> {
+        if self == Self::Around { Vector3::new(towards.y, -towards.x, 0.0) } else { towards }
+    }
+
     /// The distance as formulas spell it, with the names of where the center is.
     pub(crate) fn distance(self, names: &[String]) -> String {
         let squares: Vec<String> = ["north", "east", "down"]
@@ -102,8 +108,20 @@ impl Center {
     #[inline]
     pub(crate) fn direction_from(self, position_ned_m: &Vector3<f64>) -> Vector3<f64> {
         let to = self.to(position_ned_m);
-        let unit = to / to.norm().max(NEAREST.2);
-        if self.about == About::Around { Vector3::new(unit.y, -unit.x, 0.0) } else { unit }
+        self.about.turned(to / to.norm().max(NEAREST.2))
+    }
+
+    /// Slopes of the distance and of the direction over where the center is along an axis of the room: 1 and 1/m.
+    #[inline]
+    pub(crate) fn slopes_along(self, axis: usize, position_ned_m: &Vector3<f64>) -> (f64, Vector3<f64>) {
+        let to = self.to(position_ned_m);
+        let distance_m = to.norm();
+        let unit = to / distance_m.max(f64::MIN_POSITIVE);
+        let mut along = Vector3::ith(axis, 1.0);
+        if distance_m > NEAREST.2 {
+            along -= unit * unit[axis];
+        }
+        (unit[axis], self.about.turned(along / distance_m.max(NEAREST.2)))
     }
 
     /// For people.

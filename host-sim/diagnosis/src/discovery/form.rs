@@ -1,12 +1,12 @@
 //! A form: a way to act, times one or two shapes of measured quantities.
 
-use model::{LagId, Sample, Sink};
+use model::{AXES, Axis, LagId, Sample, Sink};
 use nalgebra::Vector3;
 use sysid::fit::terms::Terms;
 
 use crate::discovery::center::Center;
 use crate::discovery::channels::Channel;
-use crate::discovery::shapes::{Role, Shape, Span};
+use crate::discovery::shapes::{Role, Shape, Slopes, Span};
 use crate::discovery::variables::Variable;
 
 /// A shape of one of the variables.
@@ -19,8 +19,10 @@ pub(crate) struct Factor {
 
 /// Factors of a form at most.
 const MOST_FACTORS: usize = 4;
-/// Parameters of their shapes at most, and one.
-const MOST_PARAMETERS: usize = 2 * MOST_FACTORS + 1;
+/// Values of the quantities of a form at most: those of each rotor, or those at a place.
+const MOST_VALUES: usize = 4 * MOST_FACTORS + 3;
+/// Weights of a form at most: of four parts, for the parameters of its shapes and its center.
+const MOST_WEIGHTS: usize = 4 * (2 * MOST_FACTORS + 3);
 
 /// A way to act, times shapes of measured quantities.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,6 +67,12 @@ impl Form {
             Some(center) if variable.is_distance() => variable.flown().distances(center),
             _ => variable.span,
         }
+    }
+
+    /// The values and slopes of its shapes, from values of their quantities.
+    #[inline]
+    fn slopes(&self, values: &[f64]) -> impl Iterator<Item = Slopes> {
+        self.factors.iter().zip(values).map(|(factor, value)| factor.shape.slopes(*value))
     }
 
     /// What it looks back at.
@@ -154,14 +162,6 @@ impl Form {
         self.span_of(variables, parameter).possible(self.role(parameter))
     }
 
-    /// Step of a difference that stands for a derivative.
-    pub(crate) fn step(&self, variables: &[Variable], parameter: Parameter) -> f64 {
-        match self.role(parameter) {
-            Role::Length => 1e-5 * self.value(parameter),
-            Role::Place => 1e-6 * self.span_of(variables, parameter).length(),
-        }
-    }
-
     /// The variables it depends on by its shapes, each once, in the order of its factors.
     pub(crate) fn variables(&self) -> Vec<usize> {
         let mut all: Vec<usize> = Vec::new();
@@ -174,49 +174,46 @@ impl Form {
     }
 }
 
-/// The terms of a form: what each amplitude multiplies, then the slope of that over each parameter of its shapes, amplitude by
-/// amplitude.
+/// Terms of a form.
 pub(crate) struct FormTerms<'a> {
-    forms: Vec<(Form, f64)>,
-    /// Of these terms, the first that is wanted.
-    first: usize,
-    /// The parameter that each of the forms but the first has another value of.
-    parameters: Vec<Parameter>,
+    form: Form,
     variables: &'a [Variable],
+    wanted: Wanted,
+    /// What is formed once for all parameters.
+    formed_once: FormedOnce,
+}
+
+enum Wanted {
+    /// What each amplitude multiplies.
+    Amplitudes,
+    /// The slope of the form with these amplitudes over each parameter.
+    Slopes(Vec<Parameter>, Vec<f64>),
 }
 
 impl<'a> FormTerms<'a> {
-    pub(crate) fn new(form: &Form, variables: &'a [Variable]) -> Self {
-        let parameters = form.parameters();
-        let ahead = parameters.iter().map(|parameter| {
-            let step = form.step(variables, *parameter);
-            (form.with(*parameter, form.value(*parameter) + step), step)
-        });
-        let forms = std::iter::once((form.clone(), 1.0)).chain(ahead).collect();
-        Self { forms, first: 0, parameters, variables }
-    }
-
-    /// What the amplitudes multiply, and nothing else.
+    /// What each amplitude multiplies.
     pub(crate) fn of_amplitudes(form: &Form, variables: &'a [Variable]) -> Self {
-        Self { forms: vec![(form.clone(), 1.0)], first: 0, parameters: Vec::new(), variables }
+        let formed_once = FormedOnce(form.channel.parts());
+        Self { form: form.clone(), variables, wanted: Wanted::Amplitudes, formed_once }
     }
 
-    /// The slopes alone.
-    pub(crate) fn slopes(form: &Form, variables: &'a [Variable]) -> Self {
-        Self { first: form.channel.amplitudes(), ..Self::new(form, variables) }
+    /// The slopes of a form with these amplitudes, over each of its parameters.
+    pub(crate) fn slopes(form: &Form, amplitudes: &[f64], variables: &'a [Variable]) -> Self {
+        let wanted = Wanted::Slopes(form.parameters(), amplitudes.to_vec());
+        Self { wanted, ..Self::of_amplitudes(form, variables) }
     }
 
     /// What is formed once for all parameters: ways to act whose weighted sums these terms are.
-    pub(crate) fn formed_once(&self) -> FormedOnce {
-        FormedOnce(self.forms[0].0.channel.parts())
+    pub(crate) const fn formed_once(&self) -> &FormedOnce {
+        &self.formed_once
     }
 
     /// Values that the weights are found from, at a sample: the variables of the factors, of each rotor where each has its own, and the
     /// place where there is a center.
     pub(crate) fn values(&self, sample: &Sample, values: &mut [f64]) {
-        let (form, _) = &self.forms[0];
         let of = |rotor: usize| {
-            form.factors.iter().map(move |f| self.variables[f.variable].of_rotor(sample, rotor))
+            let factors = self.form.factors.iter();
+            factors.map(move |f| self.variables[f.variable].of_rotor(sample, rotor))
         };
         let all = (0..self.rotors()).flat_map(of).chain(sample.input.position_ned_m.iter().copied());
         values.iter_mut().zip(all).for_each(|(own, value)| *own = value);
@@ -224,79 +221,119 @@ impl<'a> FormTerms<'a> {
 
     /// How many values these are.
     pub(crate) fn value_count(&self) -> usize {
-        let (form, _) = &self.forms[0];
-        self.rotors() * form.factors.len() + if form.channel.center().is_some() { 3 } else { 0 }
+        self.rotors() * self.form.factors.len() + if self.form.channel.center().is_some() { 3 } else { 0 }
     }
 
     /// How many of the rotors have variables of their own.
     fn rotors(&self) -> usize {
-        if self.forms[0].0.channel.is_each_rotor() { 4 } else { 1 }
+        if self.form.channel.is_each_rotor() { 4 } else { 1 }
     }
 
     /// What each of the ways to act that are formed once is multiplied by, term by term.
     pub(crate) fn weights(&self, values: &[f64], weights: &mut [f64]) {
-        let (form, _) = &self.forms[0];
-        let count = form.factors.len();
-        if form.channel.center().is_some() {
-            return self.weights_about_center(values, weights);
+        if let Some(center) = self.form.channel.center() {
+            return self.weights_about(center, values, weights);
         }
-        let mut scalars = [0.0; MOST_PARAMETERS];
-        let scalars = &mut scalars[..self.forms.len()];
-        if form.channel.is_each_rotor() {
+        let count = self.form.factors.len();
+        if self.form.channel.is_each_rotor() {
             for rotor in 0..4 {
-                self.scalars(&values[rotor * count..][..count], scalars);
-                let wanted = scalars[self.first..].iter().enumerate();
-                wanted.for_each(|(k, scalar)| weights[4 * k + rotor] = *scalar);
+                let product = Product::new(self.form.slopes(&values[rotor * count..][..count]));
+                for (term, own) in weights.chunks_exact_mut(4).enumerate() {
+                    own[rotor] = self.amplitude(term, 0) * self.scalar(&product, term);
+                }
             }
             return;
         }
-        self.scalars(values, scalars);
-        let amplitudes = form.channel.amplitudes();
-        weights.fill(0.0);
-        for (k, own) in (self.first..).zip(weights.chunks_exact_mut(amplitudes)) {
-            own[k % amplitudes] = scalars[k / amplitudes];
+        let product = Product::new(self.form.slopes(values));
+        for (term, own) in weights.chunks_exact_mut(self.form.channel.amplitudes()).enumerate() {
+            let scalar = self.scalar(&product, term);
+            own.iter_mut().enumerate().for_each(|(k, weight)| *weight = self.amplitude(term, k) * scalar);
+        }
+    }
+
+    /// How much of a term acts by the way of an amplitude.
+    fn amplitude(&self, term: usize, amplitude: usize) -> f64 {
+        match &self.wanted {
+            Wanted::Amplitudes => f64::from(u8::from(term == amplitude)),
+            Wanted::Slopes(_, amplitudes) => amplitudes[amplitude],
+        }
+    }
+
+    /// The value of the shapes, or their slope over a parameter.
+    fn scalar(&self, product: &Product, term: usize) -> f64 {
+        match self.parameter(term) {
+            Some(Parameter::OfShape { factor, number }) => product.over(factor, number),
+            Some(Parameter::Center(_)) => 0.0,
+            None => product.value(),
+        }
+    }
+
+    /// What a term is a slope over.
+    fn parameter(&self, term: usize) -> Option<Parameter> {
+        match &self.wanted {
+            Wanted::Amplitudes => None,
+            Wanted::Slopes(parameters, _) => Some(parameters[term]),
         }
     }
 
     /// Along north, east and down.
-    fn weights_about_center(&self, values: &[f64], weights: &mut [f64]) {
-        let (form, _) = &self.forms[0];
-        let (values, place) = values.split_at(form.factors.len());
+    fn weights_about(&self, center: Center, values: &[f64], weights: &mut [f64]) {
+        let factors = &self.form.factors;
+        let (values, place) = values.split_at(factors.len());
         let place = Vector3::from_row_slice(place);
-        let force = |form: &Form| {
-            let Some(center) = form.channel.center() else { return Vector3::zeros() };
-            let at = |(factor, value): (&Factor, &f64)| {
-                let is_distance = self.variables[factor.variable].is_distance();
-                factor.shape.at(if is_distance { center.distance_m(&place) } else { *value })
+        let is_distance = |factor: &Factor| self.variables[factor.variable].is_distance();
+        let mut own = [0.0; MOST_FACTORS];
+        for ((own, factor), value) in own.iter_mut().zip(factors).zip(values) {
+            *own = if is_distance(factor) { center.distance_m(&place) } else { *value };
+        }
+        let product = Product::new(self.form.slopes(&own));
+        let direction = center.direction_from(&place);
+        for (term, weights) in weights.chunks_exact_mut(3).enumerate() {
+            let force = match self.parameter(term) {
+                // A center that moves turns the force, and changes the distance.
+                Some(Parameter::Center(axis)) => {
+                    let (distance, turn) = center.slopes_along(axis, &place);
+                    let of_distance = factors.iter().enumerate().filter(|(_, factor)| is_distance(factor));
+                    let over_distance: f64 = of_distance.map(|(k, _)| product.over_quantity(k)).sum();
+                    turn * product.value() + direction * (over_distance * distance)
+                }
+                _ => direction * self.scalar(&product, term),
             };
-            center.direction_from(&place) * form.factors.iter().zip(values).map(at).product::<f64>()
-        };
-        let here = force(form);
-        let slopes = self.forms[1..].iter().map(|(ahead, step)| (force(ahead) - here) / *step);
-        let wanted = std::iter::once(here).chain(slopes).skip(self.first);
-        for (own, term) in weights.chunks_exact_mut(3).zip(wanted) {
-            own.copy_from_slice(term.as_slice());
+            weights.copy_from_slice((force * self.amplitude(term, 0)).as_slice());
         }
     }
+}
 
-    /// What the way to act is multiplied by: the scalar, then its slope over each parameter of the shapes, from values of the variables of
-    /// the factors.
-    fn scalars(&self, values: &[f64], scalars: &mut [f64]) {
-        let (form, _) = &self.forms[0];
-        let mut own = [1.0; MOST_FACTORS];
-        for ((own, factor), value) in own.iter_mut().zip(&form.factors).zip(values) {
-            *own = factor.shape.at(*value);
-        }
-        let here: f64 = own.iter().product();
-        scalars[0] = here;
-        let ahead = self.forms[1..].iter().zip(&self.parameters);
-        for (scalar, ((ahead, step), parameter)) in scalars[1..].iter_mut().zip(ahead) {
-            let mut there = own;
-            if let Parameter::OfShape { factor, .. } = *parameter {
-                there[factor] = ahead.factors[factor].shape.at(values[factor]);
-            }
-            *scalar = (there.iter().product::<f64>() - here) / step;
-        }
+/// The shapes of a form at a sample.
+struct Product {
+    factors: [Slopes; MOST_FACTORS],
+}
+
+impl Product {
+    fn new(of: impl Iterator<Item = Slopes>) -> Self {
+        let mut factors = [Slopes { value: 1.0, over_x: 0.0, over: [0.0; 2] }; MOST_FACTORS];
+        factors.iter_mut().zip(of).for_each(|(own, slopes)| *own = slopes);
+        Self { factors }
+    }
+
+    fn value(&self) -> f64 {
+        self.factors.iter().map(|factor| factor.value).product()
+    }
+
+    /// With a slope in the place of the value of a factor.
+    fn with(&self, factor: usize, slope: f64) -> f64 {
+        let others = self.factors.iter().enumerate().filter(|(k, _)| *k != factor);
+        others.map(|(_, other)| other.value).product::<f64>() * slope
+    }
+
+    /// Its slope over a parameter of a factor.
+    fn over(&self, factor: usize, number: usize) -> f64 {
+        self.with(factor, self.factors[factor].over[number])
+    }
+
+    /// Its slope over the quantity of a factor.
+    fn over_quantity(&self, factor: usize) -> f64 {
+        self.with(factor, self.factors[factor].over_x)
     }
 }
 
@@ -319,31 +356,45 @@ impl Terms for FormedOnce {
 
 impl Terms for FormTerms<'_> {
     fn count(&self) -> usize {
-        self.forms.len() * self.forms[0].0.channel.amplitudes() - self.first
+        match &self.wanted {
+            Wanted::Amplitudes => self.form.channel.amplitudes(),
+            Wanted::Slopes(parameters, _) => parameters.len(),
+        }
     }
 
     fn lags(&self) -> Vec<LagId> {
-        self.forms[0].0.lags(self.variables).collect()
+        self.form.lags(self.variables).collect()
     }
 
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
-        let (form, _) = &self.forms[0];
-        let here = form.at(self.variables, sample);
-        let amplitudes = form.channel.amplitudes();
-        if self.first == 0 {
-            form.channel.add(sample, here, 0, sink);
-        }
-        for (index, (ahead, step)) in self.forms.iter().enumerate().skip(1) {
-            let there = ahead.at(self.variables, sample);
-            let first = index * amplitudes - self.first;
-            if ahead.channel == form.channel {
-                let slope = std::array::from_fn(|rotor| (there[rotor] - here[rotor]) / step);
-                form.channel.add(sample, slope, first, sink);
-            } else {
-                // A center that moves turns the force.
-                ahead.channel.add(sample, there.map(|value| value / step), first, sink);
-                form.channel.add(sample, here.map(|value| -value / step), first, sink);
+        let mut formed = Formed::default();
+        self.formed_once.evaluate(sample, &mut formed);
+        let parts = self.formed_once.count();
+        let (mut values, mut weights) = ([0.0; MOST_VALUES], [0.0; MOST_WEIGHTS]);
+        let values = &mut values[..self.value_count()];
+        self.values(sample, values);
+        let weights = &mut weights[..self.count() * parts];
+        self.weights(values, weights);
+        let has_several = self.form.channel.amplitudes() > 1;
+        for (term, weights) in weights.chunks_exact(parts).enumerate() {
+            let acts = |part: &usize| !has_several || self.amplitude(term, *part) != 0.0;
+            let own = (0..parts).filter(acts);
+            for (axis, by_part) in AXES.into_iter().zip(&formed.0) {
+                let values = own.clone().filter_map(|part| Some(by_part[part]? * weights[part]));
+                if let Some(sum) = values.reduce(|sum, value| sum + value) {
+                    sink.add(axis, term, sum);
+                }
             }
         }
+    }
+}
+
+/// What parts of a way to act do on each axis.
+#[derive(Default)]
+struct Formed([[Option<f64>; 4]; 6]);
+
+impl Sink for Formed {
+    fn add(&mut self, axis: Axis, part: usize, value: f64) {
+        self.0[axis.index()][part] = Some(value);
     }
 }

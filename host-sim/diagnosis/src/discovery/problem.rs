@@ -144,7 +144,7 @@ impl<'a> Problem<'a> {
     pub(crate) fn whiten_rows(
         &self,
         (flight, axis): (usize, usize),
-        rows: (&mut [f64], usize),
+        rows: (&mut [f32], usize),
         (past, first): (usize, usize),
     ) {
         let flight = &self.flights[flight];

@@ -1,9 +1,12 @@
 //! A form fitted exactly: its amplitudes and the parameters of its shapes beside all of the model's coefficients, by variable
 //! projection, and what it is worth on each training flight when it is fitted to the others.
 
+use std::ops::Range;
+
 use model::{LagId, Sample};
 use nalgebra::{DMatrix, DVector};
 use sysid::Prepared;
+use sysid::filter::sum_of_products;
 use sysid::fit::terms::Terms;
 use sysid::fit::times_hats::{QuantitySignal, TermSignals};
 
@@ -49,9 +52,17 @@ impl Columns {
         Self { absorbed: DMatrix::from_fn(problem.taken, white.len(), |k, c| absorbed[c][k]), white }
     }
 
+    fn append(&mut self, more: Self) {
+        let (own, others) = (self.white.len(), more.white.len());
+        self.white.extend(more.white);
+        let absorbed = std::mem::take(&mut self.absorbed).resize_horizontally(own + others, 0.0);
+        self.absorbed = absorbed;
+        self.absorbed.columns_mut(own, others).copy_from(&more.absorbed);
+    }
+
     /// Their products with each other, what the model's own coefficients can take left out.
-    fn gram(&self) -> DMatrix<f64> {
-        gram(&self.white) - self.absorbed.tr_mul(&self.absorbed)
+    fn gram(&self, problem: &Problem<'_>) -> DMatrix<f64> {
+        gram(&self.white, &(0..problem.rows)) - self.absorbed.tr_mul(&self.absorbed)
     }
 }
 
@@ -65,10 +76,10 @@ struct Place<'a> {
 
 impl<'a> Place<'a> {
     fn new(problem: &'a Problem<'a>, form: &Form, variables: &'a [Variable]) -> Self {
-        let terms = FormTerms::new(form, variables);
+        let terms = FormTerms::of_amplitudes(form, variables);
         let lags: Vec<LagId> = form.lags(variables).collect();
         let of_flight = |flight: &Prepared| {
-            let signals = flight.term_signals(&terms.formed_once(), problem.model)?;
+            let signals = flight.term_signals(terms.formed_once(), problem.model)?;
             let values = |sample: &Sample, values: &mut [f64]| terms.values(sample, values);
             Some((signals, flight.quantity_signals(terms.value_count(), &lags, problem.model, values)))
         };
@@ -92,9 +103,9 @@ impl At {
     fn new(place: &Place<'_>, form: &Form) -> Option<Self> {
         let problem = place.problem;
         let columns = place.columns(&FormTerms::of_amplitudes(form, place.variables));
-        let gram = columns.gram();
+        let gram = columns.gram(problem);
         // The residual has nothing in it that the model's own coefficients can take.
-        let right = with_residual(problem, &columns.white);
+        let right = with_residual(problem, &columns.white, &(0..problem.rows));
         let amplitudes = gram.cholesky()?.solve(&right);
         let gain = amplitudes.dot(&right);
         gain.is_finite().then_some(Self { columns, amplitudes, gain })
@@ -102,50 +113,46 @@ impl At {
 
     /// Columns of the amplitudes, then of the parameters at these amplitudes. The form is that which this is of.
     fn jacobian(&self, place: &Place<'_>, form: &Form) -> Columns {
-        if form.parameters().is_empty() {
-            return self.columns.clone();
+        let mut all = self.columns.clone();
+        if !form.parameters().is_empty() {
+            let slopes = FormTerms::slopes(form, self.amplitudes.as_slice(), place.variables);
+            all.append(place.columns(&slopes));
         }
-        let d = self.amplitudes.len();
-        let Columns { white: slopes, absorbed: of_slopes } =
-            place.columns(&FormTerms::slopes(form, place.variables));
-        let mut all: Vec<White> = self.columns.white.clone();
-        let mut absorbed = self.columns.absorbed.clone().resize_horizontally(d + slopes.len() / d, 0.0);
-        for (k, slopes) in slopes.chunks(d).enumerate() {
-            let mut sum: White = Default::default();
-            for (slope, amplitude) in slopes.iter().zip(self.amplitudes.iter()) {
-                for (sum, values) in sum.iter_mut().zip(slope) {
-                    let Some(values) = values else { continue };
-                    let sum = sum.get_or_insert_with(|| vec![0.0; values.len()]);
-                    sum.iter_mut().zip(values).for_each(|(s, v)| *s += amplitude * v);
-                }
-            }
-            all.push(sum);
-            absorbed.set_column(d + k, &(of_slopes.columns(k * d, d) * &self.amplitudes));
-        }
-        Columns { white: all, absorbed }
+        all
     }
 }
 
-fn dot(a: &White, b: &White) -> f64 {
-    a.iter()
-        .zip(b)
-        .filter_map(|(a, b)| Some(a.as_ref()?.iter().zip(b.as_ref()?).map(|(a, b)| a * b).sum::<f64>()))
-        .sum()
-}
-
-fn gram(columns: &[White]) -> DMatrix<f64> {
-    DMatrix::from_fn(columns.len(), columns.len(), |r, c| dot(&columns[r], &columns[c]))
-}
-
-fn with_residual(problem: &Problem<'_>, columns: &[White]) -> DVector<f64> {
-    let of = |column: &White| {
-        column
-            .iter()
-            .zip(&problem.residual)
-            .filter_map(|(c, e)| Some(c.as_ref()?.iter().zip(e.iter()).map(|(c, e)| c * e).sum::<f64>()))
-            .sum::<f64>()
+/// The product of two columns over some rows.
+fn dot<'a>(
+    a: impl IntoIterator<Item = Option<&'a [f64]>>,
+    b: impl IntoIterator<Item = Option<&'a [f64]>>,
+    rows: &Range<usize>,
+) -> f64 {
+    let on_axis = |(a, b): (Option<&[f64]>, Option<&[f64]>)| {
+        Some(sum_of_products(&a?[rows.clone()], &b?[rows.clone()]))
     };
-    DVector::from_iterator(columns.len(), columns.iter().map(of))
+    a.into_iter().zip(b).filter_map(on_axis).sum()
+}
+
+/// Columns with each other, over some rows.
+fn gram(columns: &[White], rows: &Range<usize>) -> DMatrix<f64> {
+    let mut all = DMatrix::zeros(columns.len(), columns.len());
+    for (r, one) in columns.iter().enumerate() {
+        for (c, other) in columns.iter().enumerate().take(r + 1) {
+            let product = dot(by_axis(one), by_axis(other), rows);
+            (all[(r, c)], all[(c, r)]) = (product, product);
+        }
+    }
+    all
+}
+
+fn with_residual(problem: &Problem<'_>, columns: &[White], rows: &Range<usize>) -> DVector<f64> {
+    let residual = || problem.residual.iter().map(|axis| Some(axis.as_slice()));
+    DVector::from_iterator(columns.len(), columns.iter().map(|own| dot(by_axis(own), residual(), rows)))
+}
+
+fn by_axis(column: &White) -> impl Iterator<Item = Option<&[f64]>> {
+    column.iter().map(Option::as_deref)
 }
 
 /// Fits a form from where a search found it; steps that turn out to be edges as such.
@@ -167,39 +174,22 @@ pub(crate) fn gain_of(problem: &Problem<'_>, form: &Form, variables: &[Variable]
 
 /// A form at the parameters that fit best near where they are.
 fn settled(place: &Place<'_>, mut form: Form) -> Option<(Form, At)> {
-    let Place { problem, variables, .. } = *place;
     let mut here = At::new(place, &form)?;
-    let parameters = form.parameters();
+    if form.parameters().is_empty() {
+        return Some((form, here));
+    }
+    let mut tangent = None;
     let mut damping = 1e-3;
     for _ in 0..STEPS {
-        if parameters.is_empty() {
+        let Some(step) = tangent.get_or_insert_with(|| Tangent::new(place, &form, &here)).step(damping)
+        else {
             break;
-        }
-        let jacobian = here.jacobian(place, &form);
-        let d = here.amplitudes.len();
-        let mut normal = jacobian.gram();
-        // The residual is that without the form; the amplitudes' step is towards the best, from where they are.
-        let mut right = with_residual(problem, &jacobian.white);
-        for k in 0..right.len() {
-            right[k] -= (0..d).map(|j| normal[(k, j)] * here.amplitudes[j]).sum::<f64>();
-        }
-        for k in 0..normal.nrows() {
-            normal[(k, k)] *= 1.0 + damping;
-        }
-        let Some(step) = normal.cholesky().map(|factor| factor.solve(&right)) else { break };
-        let mut ahead = form.clone();
-        for (k, parameter) in parameters.iter().enumerate() {
-            let [low, high] = form.possible(variables, *parameter);
-            let value = form.value(*parameter);
-            // A length changes by no more than half of itself, a place by no more than a part of where the quantity goes.
-            let most = 0.5 * value.abs().max(0.2 * (high - low).abs() * 0.1);
-            let moved = value + step[d + k].clamp(-most, most);
-            ahead = ahead.with(*parameter, moved.clamp(low, high));
-        }
+        };
+        let ahead = moved(&form, place.variables, &step.as_slice()[here.amplitudes.len()..]);
         match At::new(place, &ahead) {
             Some(there) if there.gain > here.gain => {
                 let gained = there.gain - here.gain;
-                (form, here) = (ahead, there);
+                (form, here, tangent) = (ahead, there, None);
                 damping = f64::max(0.1 * damping, 1e-6);
                 if gained < CONVERGED {
                     break;
@@ -212,6 +202,40 @@ fn settled(place: &Place<'_>, mut form: Form) -> Option<(Form, At)> {
     Some((form, here))
 }
 
+/// Normal equations of the amplitudes and parameters of a form about where they are.
+struct Tangent {
+    normal: DMatrix<f64>,
+    right: DVector<f64>,
+}
+
+impl Tangent {
+    fn new(place: &Place<'_>, form: &Form, here: &At) -> Self {
+        let jacobian = here.jacobian(place, form);
+        let normal = jacobian.gram(place.problem);
+        // The residual is that without the form; the amplitudes' step is towards the best, from where they are.
+        let mut right = with_residual(place.problem, &jacobian.white, &(0..place.problem.rows));
+        right -= normal.columns(0, here.amplitudes.len()) * &here.amplitudes;
+        Self { normal, right }
+    }
+
+    /// What the amplitudes and parameters move by.
+    fn step(&self, damping: f64) -> Option<DVector<f64>> {
+        let damped = &self.normal + DMatrix::from_diagonal(&(damping * self.normal.diagonal()));
+        Some(damped.cholesky()?.solve(&self.right))
+    }
+}
+
+/// A form with its parameters moved on, as far as one step may.
+fn moved(form: &Form, variables: &[Variable], step: &[f64]) -> Form {
+    form.parameters().into_iter().zip(step).fold(form.clone(), |ahead, (parameter, step)| {
+        let [low, high] = form.possible(variables, parameter);
+        let value = form.value(parameter);
+        // A length changes by no more than half of itself, a place by no more than a part of where the quantity goes.
+        let most = 0.5 * value.abs().max(0.2 * (high - low).abs() * 0.1);
+        ahead.with(parameter, (value + step.clamp(-most, most)).clamp(low, high))
+    })
+}
+
 /// What the form is worth on flights left out one by one, linearised about the fit to all of them.
 fn left_out(place: &Place<'_>, (form, at): (&Form, &At)) -> (f64, usize) {
     let problem = place.problem;
@@ -219,15 +243,8 @@ fn left_out(place: &Place<'_>, (form, at): (&Form, &At)) -> (f64, usize) {
     for (column, absorbed) in jacobian.iter_mut().zip(absorbed.column_iter()) {
         problem.take_out_absorbed(column, &absorbed.into_owned());
     }
-    let parts: Vec<(DMatrix<f64>, DVector<f64>)> = problem
-        .ranges()
-        .map(|range| {
-            let cut = |values: &Option<Vec<f64>>| values.as_ref().map(|v| v[range.clone()].to_vec());
-            let columns: Vec<White> = jacobian.iter().map(|column| column.each_ref().map(cut)).collect();
-            let rest: White = problem.residual.each_ref().map(|e| Some(e.as_slice()[range.clone()].to_vec()));
-            (gram(&columns), DVector::from_iterator(columns.len(), columns.iter().map(|c| dot(c, &rest))))
-        })
-        .collect();
+    let of_flight = |rows| (gram(&jacobian, &rows), with_residual(problem, &jacobian, &rows));
+    let parts: Vec<(DMatrix<f64>, DVector<f64>)> = problem.ranges().map(of_flight).collect();
     let (mut sum, mut improved) = (0.0, 0);
     for left in 0..parts.len() {
         let others = parts.iter().enumerate().filter(|(k, _)| *k != left);
@@ -293,27 +310,49 @@ mod tests {
             forms.push(form(channel, &variables, &over));
             forms.extend(channel.wider().map(|wider| form(wider, &variables, &over)));
         }
+        let every = 0..problem.rows;
         for form in forms {
             let place = Place::new(&problem, &form, &variables);
             assert!(place.formed.is_some());
-            let found = place.white(&FormTerms::new(&form, &variables));
-            let expected = problem.columns(&FormTerms::new(&form, &variables));
-            assert_eq!(found.len(), expected.len());
-            let amplitudes = place.white(&FormTerms::of_amplitudes(&form, &variables));
-            let slopes = place.white(&FormTerms::slopes(&form, &variables));
-            assert_eq!([amplitudes, slopes].concat(), found);
-            let slopes = problem.columns(&FormTerms::slopes(&form, &variables));
-            assert_eq!(slopes, expected[form.channel.amplitudes()..]);
-            for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
-                let expected = expected.clone().unwrap_or_else(|| vec![0.0; problem.rows]);
-                let found = found.clone().unwrap_or_else(|| vec![0.0; problem.rows]);
-                let most = expected.iter().fold(1e-6_f64, |most, value| most.max(value.abs()));
-                // Slopes are differences over a millionth of where a quantity goes.
-                let near = |(a, b): (&f64, &f64)| (a - b).abs() < 1e-6 * most;
-                let worst = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-                assert!(found.iter().zip(&expected).all(near), "{form:?}: {worst} of {most}");
-            }
+            let near = |found: &[White], expected: &[White], tolerance: f64, of: &str| {
+                assert_eq!(found.len(), expected.len());
+                for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
+                    let square = |of: &White| dot(by_axis(of), by_axis(of), &every);
+                    let off = square(&combined(found, 1.0, expected, -1.0)) / square(expected);
+                    assert!(off < tolerance * tolerance, "{form:?}: {of} {k}: {}", off.sqrt());
+                }
+            };
+            let amplitudes = &[0.7, -0.4][..form.channel.amplitudes()];
+            let of_amplitudes = FormTerms::of_amplitudes(&form, &variables);
+            near(&place.white(&of_amplitudes), &problem.columns(&of_amplitudes), 1e-9, "amplitude");
+            let slopes = FormTerms::slopes(&form, amplitudes, &variables);
+            near(&place.white(&slopes), &problem.columns(&slopes), 1e-9, "slope");
+            // Slopes against differences of what the amplitudes multiply.
+            let with = |parameter, by: f64| {
+                let moved = form.with(parameter, form.value(parameter) + by);
+                let columns = problem.columns(&FormTerms::of_amplitudes(&moved, &variables));
+                let nothing = White::default();
+                let add =
+                    |sum: White, (column, amplitude): (&White, &f64)| combined(&sum, 1.0, column, *amplitude);
+                columns.iter().zip(amplitudes).fold(nothing, add)
+            };
+            let by_difference = |parameter| {
+                let step = 1e-5;
+                combined(&with(parameter, step), 0.5 / step, &with(parameter, -step), -0.5 / step)
+            };
+            let expected: Vec<White> = form.parameters().into_iter().map(by_difference).collect();
+            near(&place.white(&slopes), &expected, 1e-6, "difference");
         }
+    }
+
+    /// A sum of two columns.
+    fn combined(one: &White, by: f64, other: &White, by_other: f64) -> White {
+        std::array::from_fn(|axis| match (&one[axis], &other[axis]) {
+            (Some(a), Some(b)) => Some(a.iter().zip(b).map(|(a, b)| by * a + by_other * b).collect()),
+            (Some(a), None) => Some(a.iter().map(|a| by * a).collect()),
+            (None, Some(b)) => Some(b.iter().map(|b| by_other * b).collect()),
+            (None, None) => None,
+        })
     }
 
     /// Products of columns without what the model takes of them: formed from the columns, and from what is left of them.
@@ -326,14 +365,14 @@ mod tests {
         let variables = Variable::all(&flights, &model);
         let height = variables.iter().position(|variable| variable.name == "height").unwrap();
         let form = form(Channel::Earth(2), &variables, &[height]);
-        let mut white = problem.columns(&FormTerms::new(&form, &variables));
-        let found = Columns::new(&problem, white.clone()).gram();
+        let terms = FormTerms::slopes(&form, &[1.0], &variables);
+        let mut white = problem.columns(&terms);
+        let every = 0..problem.rows;
+        let found = Columns::new(&problem, white.clone()).gram(&problem);
         white.iter_mut().for_each(|column| problem.take_out(column));
-        let expected = gram(&white);
+        let expected = gram(&white, &every);
         assert!((&found - &expected).amax() < 1e-9 * expected.amax(), "{found} {expected}");
-        assert!(
-            expected[(0, 0)] < 0.999 * gram(&problem.columns(&FormTerms::new(&form, &variables)))[(0, 0)]
-        );
+        assert!(expected[(0, 0)] < 0.999 * gram(&problem.columns(&terms), &every)[(0, 0)]);
         // Nothing of them is in the basis any more.
         assert!(white.iter().all(|column| problem.absorbed(column).amax() < 1e-6 * found[(0, 0)].sqrt()));
     }

@@ -112,25 +112,50 @@ impl Family {
         }
     }
 
-    /// Its value.
+    /// Its value and its slopes.
     #[inline]
-    pub(crate) fn at(self, x: f64, [a, b]: [f64; 2]) -> f64 {
+    fn slopes(self, x: f64, [a, b]: [f64; 2]) -> Slopes {
+        // Of what only moves with the first parameter.
+        let moved = |value: f64, over_x: f64, sign: f64| Slopes { value, over_x, over: [sign * over_x, 0.0] };
         match self {
-            Self::Proportional => x,
-            Self::Straight => x - a,
-            Self::Square => x * x,
-            Self::Cube => x * x * x,
-            Self::Modulus => x.abs(),
-            Self::SignedSquare => x * x.abs(),
-            Self::HingeAbove => (x - a).max(0.0),
-            Self::HingeBelow => (a - x).max(0.0),
-            Self::Step | Self::Edge => 0.5 + 0.5 * ((x - a) / b).tanh(),
-            Self::Saturation => (x / a).tanh(),
-            Self::Decay => (-(x - b) / a).exp(),
-            Self::Growth => ((x - b) / a).exp(),
-            Self::InverseSquare => (x + a).powi(-2),
-            Self::Bump => (-0.5 * ((x - a) / b).powi(2)).exp(),
-            Self::Wave => (std::f64::consts::TAU * (x - a) / b).cos(),
+            Self::Proportional => moved(x, 1.0, 0.0),
+            Self::Straight => moved(x - a, 1.0, -1.0),
+            Self::Square => moved(x * x, 2.0 * x, 0.0),
+            Self::Cube => moved(x * x * x, 3.0 * x * x, 0.0),
+            Self::Modulus => moved(x.abs(), x.signum(), 0.0),
+            Self::SignedSquare => moved(x * x.abs(), 2.0 * x.abs(), 0.0),
+            Self::HingeAbove => moved((x - a).max(0.0), if x > a { 1.0 } else { 0.0 }, -1.0),
+            Self::HingeBelow => moved((a - x).max(0.0), if x < a { -1.0 } else { 0.0 }, -1.0),
+            Self::Step | Self::Edge => {
+                let tanh = ((x - a) / b).tanh();
+                let over_x = 0.5 * (1.0 - tanh * tanh) / b;
+                Slopes { value: 0.5 + 0.5 * tanh, over_x, over: [-over_x, -over_x * (x - a) / b] }
+            }
+            Self::Saturation => {
+                let tanh = (x / a).tanh();
+                let over_x = (1.0 - tanh * tanh) / a;
+                Slopes { value: tanh, over_x, over: [-over_x * x / a, 0.0] }
+            }
+            Self::Decay => {
+                let value = (-(x - b) / a).exp();
+                Slopes { value, over_x: -value / a, over: [value * (x - b) / (a * a), value / a] }
+            }
+            Self::Growth => {
+                let value = ((x - b) / a).exp();
+                Slopes { value, over_x: value / a, over: [-value * (x - b) / (a * a), -value / a] }
+            }
+            Self::InverseSquare => moved((x + a).powi(-2), -2.0 * (x + a).powi(-3), 1.0),
+            Self::Bump => {
+                let off = (x - a) / b;
+                let value = (-0.5 * off.powi(2)).exp();
+                let over_x = -value * off / b;
+                Slopes { value, over_x, over: [-over_x, -over_x * off] }
+            }
+            Self::Wave => {
+                let phase = std::f64::consts::TAU * (x - a) / b;
+                let over_x = -phase.sin() * std::f64::consts::TAU / b;
+                Slopes { value: phase.cos(), over_x, over: [-over_x, -over_x * (x - a) / b] }
+            }
         }
     }
 
@@ -158,6 +183,16 @@ impl Family {
     }
 }
 
+/// The value of a shape at a value x of its quantity, and its slopes there.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Slopes {
+    pub(crate) value: f64,
+    /// Over x.
+    pub(crate) over_x: f64,
+    /// Over each of its parameters.
+    pub(crate) over: [f64; 2],
+}
+
 /// A shape: a family with values of its parameters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Shape {
@@ -173,7 +208,12 @@ impl Shape {
 
     #[inline]
     pub(crate) fn at(&self, x: f64) -> f64 {
-        self.family.at(x, self.parameters)
+        self.slopes(x).value
+    }
+
+    #[inline]
+    pub(crate) fn slopes(&self, x: f64) -> Slopes {
+        self.family.slopes(x, self.parameters)
     }
 
     pub(crate) fn formula(&self, x: &str, names: &[String]) -> String {
@@ -321,8 +361,35 @@ mod tests {
                 let sample = plant.sample_of(&input);
                 let mut column = Taken(0.0);
                 model::Effect::User(user).columns(&sample, &mut column);
-                let expected = family.at(x, value);
+                let expected = family.slopes(x, value).value;
                 assert!((column.0 - expected).abs() < 1e-12 * expected.abs().max(1.0), "{family:?} at {x}");
+            }
+        }
+    }
+
+    /// Slopes against differences, of every family, away from where it bends.
+    #[test]
+    fn slopes_are_what_small_steps_give() {
+        const STEP: f64 = 1e-6;
+        for family in FAMILIES.into_iter().chain([Family::Edge]) {
+            for x in [-1.1, -0.2, 0.31, 0.9, 1.7] {
+                let parameters = [0.7, 0.4];
+                let at = |x: f64, parameters: [f64; 2]| Shape { family, parameters }.at(x);
+                let near = |slope: f64, [ahead, behind]: [f64; 2]| {
+                    let difference = (ahead - behind) / (2.0 * STEP);
+                    let is_near = (slope - difference).abs() < 1e-7 * difference.abs().max(1.0);
+                    assert!(is_near, "{family:?} at {x}: {slope}, by differences {difference}");
+                };
+                let slopes = Shape { family, parameters }.slopes(x);
+                near(slopes.over_x, [at(x + STEP, parameters), at(x - STEP, parameters)]);
+                for k in 0..2 {
+                    let moved = |by: f64| {
+                        let mut moved = parameters;
+                        moved[k] += by;
+                        at(x, moved)
+                    };
+                    near(slopes.over[k], [moved(STEP), moved(-STEP)]);
+                }
             }
         }
     }

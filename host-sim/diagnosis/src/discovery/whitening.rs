@@ -52,11 +52,11 @@ impl Whitening {
         white
     }
 
-    /// The same for signals side by side, `width` values to a row, times `scale`. The first `past` rows stay as they are: the others are
+    /// The same for signals side by side in single precision, `width` values to a row, times `scale`. The first `past` rows stay as they are: the others are
     /// predicted from them too. The first of the others is row `first` of its flight.
     pub(crate) fn apply_to_rows(
         &self,
-        (rows, width): (&mut [f64], usize),
+        (rows, width): (&mut [f32], usize),
         (past, first): (usize, usize),
         starts: &[usize],
         scale: f64,
@@ -71,7 +71,7 @@ impl Whitening {
             let start = begun.checked_sub(1).map_or(0, |piece| starts[piece]);
             let (a, variance) = &self.orders[(in_flight - start).min(ORDER)];
             let (before, ahead) = rows.split_at_mut(row * width);
-            take_out_predicted(&mut ahead[..width], before, a, scale / variance.sqrt());
+            take_out_predicted(&mut ahead[..width], before, a, (scale / variance.sqrt()) as f32);
         }
     }
 
@@ -88,8 +88,9 @@ impl Whitening {
 
 /// Takes out of a row what those before it predict, the nearest at the end of `past`; the rest times `scale`.
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
-fn take_out_predicted(row: &mut [f64], past: &[f64], a: &[f64], scale: f64) {
+fn take_out_predicted(row: &mut [f32], past: &[f32], a: &[f64], scale: f32) {
     for (a, before) in a.iter().zip(past.rchunks_exact(row.len())) {
+        let a = *a as f32;
         row.iter_mut().zip(before).for_each(|(value, before)| *value -= a * before);
     }
     row.iter_mut().for_each(|value| *value *= scale);
@@ -171,7 +172,7 @@ mod tests {
         let whitening = Whitening::new(&covariance);
         let signal = |k: usize| (0..40).map(|row| (0.1 * (row * row + 3 * k) as f64).sin()).collect();
         let signals: [Vec<f64>; 3] = std::array::from_fn(signal);
-        let mut rows: Vec<f64> = (0..40).flat_map(|row| signals.each_ref().map(|s| s[row])).collect();
+        let mut rows: Vec<f32> = (0..40).flat_map(|row| signals.each_ref().map(|s| s[row] as f32)).collect();
         let starts = [0, 17];
         // All at once, and the last 15 behind the 25 before them.
         let mut last = rows.clone();
@@ -181,7 +182,7 @@ mod tests {
         for (k, signal) in signals.iter().enumerate() {
             let white = whitening.apply(signal, &[0, 17]);
             let own = rows.iter().skip(k).step_by(3);
-            assert!(own.zip(white).all(|(row, white)| (row - 2.0 * white).abs() < 1e-12));
+            assert!(own.zip(white).all(|(row, white)| (f64::from(*row) - 2.0 * white).abs() < 1e-6));
         }
     }
 

@@ -340,8 +340,9 @@ pub struct TimesHats<'a> {
 
 impl TimesHats<'_> {
     /// Appends the next rows to those of each axis, so many at most: for each parameter that acts on it, in order, the filtered products
-    /// with every hat. Says how many there were; nothing at the end of the flight.
-    pub fn append_next(&mut self, most: usize, rows: &mut [Vec<f64>; 6]) -> Option<usize> {
+    /// with every hat. Says how many there were; nothing at the end of the flight. A search forms so many that they are kept in single
+    /// precision: each is a sum in double precision.
+    pub fn append_next(&mut self, most: usize, rows: &mut [Vec<f32>; 6]) -> Option<usize> {
         let Self { signals, quantity, hats, widths, .. } = *self;
         let (stretch, formed) = (signals.stretches.get(self.stretch)?, quantity.0.get(self.stretch)?);
         if self.row == 0 {
@@ -360,14 +361,14 @@ impl TimesHats<'_> {
         };
         stretch.moments.for_each_row(of.clone(), &self.pairs[1], hats.count, |row, hat, sums| {
             for ((axis, place), sum) in self.moment_places.iter().zip(sums) {
-                rows[*axis][at(*axis, row, *place, hat)] = *sum;
+                rows[*axis][at(*axis, row, *place, hat)] = *sum as f32;
             }
         });
         stretch.forces.for_each_row(of, &self.pairs[0], hats.count, |row, hat, sums| {
             for (place, sum) in sums.as_chunks::<3>().0.iter().enumerate() {
                 let body = stretch.turns[row] * Vector3::from(*sum);
                 for axis in 0..3 {
-                    rows[axis][at(axis, row, place, hat)] = body[axis];
+                    rows[axis][at(axis, row, place, hat)] = body[axis] as f32;
                 }
             }
         });
@@ -511,7 +512,7 @@ mod tests {
         let expected = prepared.columns_of_terms(&Pushes(Some(HATS)), &model);
         let signals = prepared.term_signals(&Pushes(None), &model).unwrap();
         let down = prepared.quantity_signals(1, &[], &model, |sample, values| values[0] = down(sample));
-        let mut rows: [Vec<f64>; 6] = Default::default();
+        let mut rows: [Vec<f32>; 6] = Default::default();
         let mut parts = signals.times_hats(&down[0], HATS);
         let counts: Vec<usize> = std::iter::from_fn(|| parts.append_next(7, &mut rows)).collect();
         assert!(counts.iter().all(|count| (1..=7).contains(count)));
@@ -525,8 +526,9 @@ mod tests {
                     for (row, values) in rows[axis].chunks_exact(width).enumerate() {
                         let expected = expected.map_or(0.0, |column| column[row]);
                         let value = values[place * HATS.count + hat];
+                        let rounding = f64::from(f32::EPSILON) * expected.abs();
                         assert!(
-                            (value - expected).abs() < 1e-12,
+                            (f64::from(value) - expected).abs() <= rounding + 1e-12,
                             "{axis} {parameter} {hat} {row}: {value} {expected}"
                         );
                     }
