@@ -5,6 +5,7 @@ use std::path::Path;
 
 use diagnosis::workflow::{Observer, Progress};
 use model::{Effect, PerAxis};
+use rayon::prelude::*;
 use sysid::Severity;
 
 use crate::cause;
@@ -16,7 +17,7 @@ use crate::events::{Event, Moment, events, explanations, motor_shares, odd_fligh
 use crate::fit::{Asked, Estimate, Pooled, of_many};
 use crate::history::{Flown, Kind, Series, voltages};
 use crate::index::Index;
-use crate::layout::Fleet;
+use crate::layout::{Craft, Fleet};
 use crate::pass::{Indexed, save};
 use crate::row::{Row, State};
 use crate::scatter::mean;
@@ -125,14 +126,14 @@ pub fn ask<'a>(fleet: &Fleet, indexed: &'a Indexed, question: &Question) -> Resu
     let is_asked = |name: &str| question.crafts.is_empty() || question.crafts.iter().any(|own| own == name);
     let crafts: Vec<_> = fleet.crafts.iter().filter(|craft| is_asked(&craft.name)).collect();
     let prepared: Vec<Prepared<'a>> =
-        crafts.iter().map(|craft| Prepared::new(fleet, indexed, question, &craft.name)).collect();
+        crafts.par_iter().map(|craft| Prepared::new(fleet, indexed, question, &craft.name)).collect();
     let tests: usize = prepared.iter().map(|own| own.series.len()).sum();
-    let (mut answers, mut histories) = (Vec::new(), Vec::new());
-    for (craft, own) in crafts.iter().zip(prepared) {
+    let answer = |(craft, own): (&&Craft, Prepared<'a>)| {
         let answer = own.answer(indexed, &craft.vehicle.name, tests.max(1) as f64);
-        answers.push(answer);
-        histories.push(CraftHistory { craft: craft.name.clone(), flights: own.flights, series: own.series });
-    }
+        (answer, CraftHistory { craft: craft.name.clone(), flights: own.flights, series: own.series })
+    };
+    let (answers, histories): (Vec<CraftAnswer>, Vec<CraftHistory<'_>>) =
+        crafts.par_iter().zip(prepared).map(answer).unzip();
     let vehicles: Vec<&[u8]> = crafts.iter().map(|craft| &craft.vehicle_bytes[..]).collect();
     let answer = Answer {
         read_now: indexed.read,

@@ -17,6 +17,9 @@ use parquet::file::reader::{ChunkReader, FileReader, SerializedFileReader};
 use parquet::file::writer::{SerializedColumnWriter, SerializedFileWriter};
 use parquet::schema::types::{ColumnPath, Type};
 
+/// Numbers of a column that are made room for before they are read.
+const MOST_RESERVED: usize = 1 << 24;
+
 /// The values of a column.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Values {
@@ -248,7 +251,10 @@ impl Table {
             for (place, name) in names.iter().enumerate() {
                 let repeated = meta.schema_descr().column(place).max_rep_level() > 0;
                 let reader = rows.get_column_reader(place)?;
-                part.push(name, if repeated { lists(reader, count)? } else { values(reader, count)? });
+                // What a damaged file says is no reason to ask for memory.
+                let numbers = usize::try_from(rows.metadata().column(place).num_values()).unwrap_or(0);
+                let of_lists = |reader| lists(reader, count, numbers.min(MOST_RESERVED));
+                part.push(name, if repeated { of_lists(reader)? } else { values(reader, count)? });
             }
             if !all.append(part) {
                 return Err(ParquetError::General("row groups of different columns".into()));
@@ -308,27 +314,30 @@ fn write_cell(text: &mut String, values: &Values, row: usize) {
     };
 }
 
-/// The lists of a column of a row group.
-fn lists(reader: ColumnReader, count: usize) -> Result<Values, ParquetError> {
+/// The lists of a column of a row group, of so many numbers in all.
+fn lists(reader: ColumnReader, count: usize, numbers: usize) -> Result<Values, ParquetError> {
     let ColumnReader::DoubleColumnReader(mut reader) = reader else {
         return Err(ParquetError::General("a list of a kind that no table of quadlab has".into()));
     };
-    let (mut all, mut there, mut goes_on) = (Vec::new(), Vec::new(), Vec::new());
+    let mut all = Vec::with_capacity(numbers);
+    let (mut there, mut goes_on) = (Vec::with_capacity(numbers), Vec::with_capacity(numbers));
     reader.read_records(count, Some(&mut there), Some(&mut goes_on), &mut all)?;
-    let mut lists: Vec<Vec<f64>> = Vec::with_capacity(count);
-    let mut values = all.into_iter();
-    for (there, goes_on) in there.into_iter().zip(goes_on) {
-        if goes_on == 0 {
-            lists.push(Vec::new());
+    let ends_early = || ParquetError::General("a column ends early".into());
+    let mut lists: Vec<Arc<[f64]>> = Vec::with_capacity(count);
+    let (mut rest, mut entries) = (&all[..], there.iter().zip(&goes_on).peekable());
+    while let Some((first, _)) = entries.next() {
+        let mut length = usize::from(*first > 0);
+        while entries.next_if(|(_, goes_on)| **goes_on > 0).is_some() {
+            length += 1;
         }
-        if let (true, Some(list)) = (there > 0, lists.last_mut()) {
-            list.extend(values.next());
-        }
+        let (own, others) = rest.split_at_checked(length).ok_or_else(ends_early)?;
+        lists.push(own.into());
+        rest = others;
     }
     if lists.len() != count {
-        return Err(ParquetError::General("a column ends early".into()));
+        return Err(ends_early());
     }
-    Ok(Values::Lists(lists.into_iter().map(Arc::from).collect()))
+    Ok(Values::Lists(lists))
 }
 
 /// The values of a column of a row group.

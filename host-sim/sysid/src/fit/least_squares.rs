@@ -283,15 +283,10 @@ fn solve_merged(
     let triangle = stacked.qr().unpack_r();
     let r = triangle.view((0, 0), (parameters, parameters)).into_owned();
     let y = triangle.view((0, parameters), (parameters, 1)).column(0).into_owned();
-    let svd = r.clone().svd(false, true);
-    let (smallest, largest) = (svd.singular_values.min(), svd.singular_values.max());
+    let singular_values = r.singular_values();
+    let (smallest, largest) = (singular_values.min(), singular_values.max());
     if !(smallest > SINGULAR * largest) {
-        let row = svd.singular_values.imin();
-        let involved = svd
-            .v_t
-            .as_ref()
-            .map_or_else(Vec::new, |v_t| (0..parameters).filter(|&k| v_t[(row, k)].abs() > 0.1).collect());
-        return Err(Unidentifiable::Collinear(involved));
+        return Err(Unidentifiable::Collinear(nearly_collinear(r)));
     }
     let identity = DMatrix::identity(parameters, parameters);
     let (Some(value), Some(inverse)) = (r.solve_upper_triangular(&y), r.solve_upper_triangular(&identity))
@@ -301,6 +296,14 @@ fn solve_merged(
     let unscale = DMatrix::from_diagonal(&DVector::from_iterator(parameters, scale.iter().map(|s| 1.0 / s)));
     let inverse = &unscale * inverse;
     Ok((&unscale * value, &inverse * inverse.transpose(), largest / smallest))
+}
+
+/// The columns that a triangle's smallest singular value is of.
+fn nearly_collinear(triangle: DMatrix<f64>) -> Vec<usize> {
+    let svd = triangle.svd(false, true);
+    let row = svd.singular_values.imin();
+    let involved = |v_t: &DMatrix<f64>| (0..v_t.ncols()).filter(|k| v_t[(row, *k)].abs() > 0.1).collect();
+    svd.v_t.as_ref().map_or_else(Vec::new, involved)
 }
 
 /// Newey and West's estimate of the covariance of X'W e.
