@@ -524,6 +524,26 @@ mod tests {
         }
     }
 
+    /// What the altitude loop is told to carry the craft with is what it gives from then on, where
+    /// there is nothing to correct.
+    #[test]
+    fn what_carries_the_craft_is_given_from_then_on() {
+        let with = |thrust: f32| {
+            let mut controller = thesis();
+            let hover = controller.tick(&HOVER, &STAY).pwm;
+            controller.carry_with(thrust);
+            let after = [controller.tick(&HOVER, &STAY), controller.tick(&HOVER, &STAY)];
+            (hover, after.map(|tick| tick.pwm))
+        };
+        let (hover, [weak, then]) = with(3.0);
+        let (_, [strong, _]) = with(5.0);
+        for motor in 0..4 {
+            assert!(weak[motor] + 1.0 < strong[motor], "{weak:?} {strong:?}");
+            assert!((weak[motor] - hover[motor]).abs() > 1.0, "{weak:?} {hover:?}");
+            assert!((then[motor] - weak[motor]).abs() < 0.01, "{then:?} {weak:?}");
+        }
+    }
+
     /// The craft's answer to each command and disturbance, by the signs of the conventions, in both
     /// laws.
     #[test]
