@@ -253,8 +253,11 @@ impl Table {
                 let reader = rows.get_column_reader(place)?;
                 // What a damaged file says is no reason to ask for memory.
                 let numbers = usize::try_from(rows.metadata().column(place).num_values()).unwrap_or(0);
-                let of_lists = |reader| lists(reader, count, numbers.min(MOST_RESERVED));
-                part.push(name, if repeated { of_lists(reader)? } else { values(reader, count)? });
+                let numbers = numbers.min(MOST_RESERVED);
+                part.push(
+                    name,
+                    if repeated { lists(reader, count, numbers)? } else { values(reader, count)? },
+                );
             }
             if !all.append(part) {
                 return Err(ParquetError::General("row groups of different columns".into()));
@@ -314,7 +317,7 @@ fn write_cell(text: &mut String, values: &Values, row: usize) {
     };
 }
 
-/// The lists of a column of a row group, of so many numbers in all.
+/// The lists of a column of a row group; room is made for so many numbers in all.
 fn lists(reader: ColumnReader, count: usize, numbers: usize) -> Result<Values, ParquetError> {
     let ColumnReader::DoubleColumnReader(mut reader) = reader else {
         return Err(ParquetError::General("a list of a kind that no table of quadlab has".into()));

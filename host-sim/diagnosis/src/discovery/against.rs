@@ -7,8 +7,8 @@ use crate::discovery::problem::Problem;
 /// What columns are held against on each axis: the basis of what the model takes, then residuals. The first of these is that which the
 /// model leaves, the others have its colour and random phases.
 pub(crate) struct Against {
-    /// Columns: the vectors of the basis that differ from zero on the axis, then the residuals.
-    /// In single precision: they are held against many more rows than are fitted.
+    /// Columns: the vectors of the basis that differ from zero on the axis, then the residuals. In single precision, as are the hats that
+    /// are held against them: a search forms far more of these than are ever fitted.
     pub(crate) axes: [DMatrix<f32>; 6],
     /// Which vectors of the basis these are.
     pub(crate) of_basis: [Vec<usize>; 6],

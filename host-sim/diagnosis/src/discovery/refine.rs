@@ -55,8 +55,7 @@ impl Columns {
     fn append(&mut self, more: Self) {
         let (own, others) = (self.white.len(), more.white.len());
         self.white.extend(more.white);
-        let absorbed = std::mem::take(&mut self.absorbed).resize_horizontally(own + others, 0.0);
-        self.absorbed = absorbed;
+        self.absorbed = std::mem::take(&mut self.absorbed).resize_horizontally(own + others, 0.0);
         self.absorbed.columns_mut(own, others).copy_from(&more.absorbed);
     }
 

@@ -52,8 +52,8 @@ impl Whitening {
         white
     }
 
-    /// The same for signals side by side in single precision, `width` values to a row, times `scale`. The first `past` rows stay as they are: the others are
-    /// predicted from them too. The first of the others is row `first` of its flight.
+    /// The same for signals side by side in single precision, `width` values to a row, times `scale`. The first `past` rows stay as they
+    /// are: the others are predicted from them too. The first of the others is row `first` of its flight.
     pub(crate) fn apply_to_rows(
         &self,
         (rows, width): (&mut [f32], usize),
