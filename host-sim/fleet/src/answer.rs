@@ -15,7 +15,7 @@ use crate::document::{Answer, AxisAnswer, CoefficientAnswer, CraftAnswer, FaultA
 use crate::error::FleetError;
 use crate::events::{Event, Moment, events, explanations, motor_shares, odd_flights};
 use crate::fit::{Asked, Estimate, Pooled, of_many};
-use crate::history::{Flown, Kind, Series, voltages};
+use crate::history::{Flown, Kind, Series, Tests, voltages};
 use crate::index::Index;
 use crate::layout::{Craft, Fleet};
 use crate::pass::{Indexed, save};
@@ -127,9 +127,9 @@ pub fn ask<'a>(fleet: &Fleet, indexed: &'a Indexed, question: &Question) -> Resu
     let crafts: Vec<_> = fleet.crafts.iter().filter(|craft| is_asked(&craft.name)).collect();
     let prepared: Vec<Prepared<'a>> =
         crafts.par_iter().map(|craft| Prepared::new(fleet, indexed, question, &craft.name)).collect();
-    let tests: usize = prepared.iter().map(|own| own.series.len()).sum();
+    let tests = Tests::of(prepared.iter().flat_map(|own| &own.series));
     let answer = |(craft, own): (&&Craft, Prepared<'a>)| {
-        let answer = own.answer(indexed, &craft.vehicle.name, tests.max(1) as f64);
+        let answer = own.answer(indexed, &craft.vehicle.name, tests);
         (answer, CraftHistory { craft: craft.name.clone(), flights: own.flights, series: own.series })
     };
     let (answers, histories): (Vec<CraftAnswer>, Vec<CraftHistory<'_>>) =
@@ -235,7 +235,7 @@ impl<'a> Prepared<'a> {
         Moment::new(self.flights[at].row.label(), self.flights[at].when)
     }
 
-    fn answer(&self, indexed: &Indexed, vehicle: &str, tests: f64) -> CraftAnswer {
+    fn answer(&self, indexed: &Indexed, vehicle: &str, tests: Tests) -> CraftAnswer {
         let kept = indexed.index.references.get(&self.craft);
         let changes = self.changes(indexed, tests);
         let bounds = bounds(changes.iter().map(|event| event.at), self.flights.len());
@@ -265,7 +265,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    fn changes(&self, indexed: &Indexed, tests: f64) -> Vec<Event> {
+    fn changes(&self, indexed: &Indexed, tests: Tests) -> Vec<Event> {
         let (Some(reference), Some(asked)) = (indexed.references.get(&self.craft), &self.asked) else {
             return Vec::new();
         };

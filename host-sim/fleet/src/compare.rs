@@ -225,6 +225,7 @@ mod tests {
             name: "thrust.C_T".into(),
             kind: Kind::Coefficient,
             unit: "1".into(),
+            is_share: false,
             at: (0..count).collect(),
             values,
         }

@@ -8,7 +8,7 @@ use serde::Serialize;
 use crate::cause::CauseInLogs;
 use crate::changes::{Base, Candidate, Shown};
 use crate::fit::{Estimate, of_many};
-use crate::history::{Flown, Kind, Series};
+use crate::history::{Flown, Kind, Series, Tests};
 use crate::scatter::{Mean, between_variance, mean_under};
 use crate::steps::{SIGNIFICANCE, Step, outliers, steps, two_sided};
 use crate::when::{When, WhenFrom};
@@ -174,23 +174,27 @@ pub struct OddFlight {
 }
 
 /// The steps of all series put together: the flights before which the craft changed, each with what moved there.
-pub(crate) fn events(series: &[Series], tests: f64) -> Vec<(usize, [usize; 2], Vec<Moved>)> {
+pub(crate) fn events(all: &[Series], tests: Tests) -> Vec<(usize, [usize; 2], Vec<Moved>)> {
     struct Found<'a> {
         series: &'a Series,
         step: Step,
         at: usize,
         likely: [usize; 2],
     }
-    let mut all: Vec<Found<'_>> = Vec::new();
-    for series in series {
-        for step in steps(&series.values, tests) {
+    let mut found: Vec<Found<'_>> = Vec::new();
+    for series in all {
+        let sums_up = |other: &&Series| {
+            series.is_share && other.is_share && other.name != series.name && other.at == series.at
+        };
+        let others: Vec<&[Estimate]> = all.iter().filter(sums_up).map(|other| &other.values[..]).collect();
+        for step in steps(&series.values, &others, tests.of_series(series)) {
             let (at, likely) = (series.at[step.at], step.likely.map(|place| series.at[place]));
-            all.push(Found { series, step, at, likely });
+            found.push(Found { series, step, at, likely });
         }
     }
-    all.sort_by(|a, b| a.step.p_value.total_cmp(&b.step.p_value));
+    found.sort_by(|a, b| a.step.p_value.total_cmp(&b.step.p_value));
     let mut events: Vec<(usize, [usize; 2], Vec<Moved>)> = Vec::new();
-    for Found { series, step, at, likely } in all {
+    for Found { series, step, at, likely } in found {
         let moved = Moved {
             series: series.name.clone(),
             kind: series.kind,
@@ -325,7 +329,7 @@ pub(crate) fn motor_shares(flown: &Flown<'_>, [from, at, to]: [usize; 3]) -> Mot
 pub(crate) fn odd_flights(
     series: &[Series],
     bounds: &[usize],
-    tests: f64,
+    tests: Tests,
     moment: &dyn Fn(usize) -> Moment,
 ) -> Vec<OddFlight> {
     let mut found: Vec<(usize, OddFlight)> = Vec::new();
@@ -334,7 +338,7 @@ pub(crate) fn odd_flights(
             let inside: Vec<usize> =
                 (0..series.at.len()).filter(|k| (bounds[0]..bounds[1]).contains(&series.at[*k])).collect();
             let values: Vec<Estimate> = inside.iter().map(|k| series.values[*k]).collect();
-            for outlier in outliers(&values, tests) {
+            for outlier in outliers(&values, tests.of_series(series)) {
                 let at = series.at[inside[outlier.at]];
                 let odd = OddFlight {
                     flight: moment(at),

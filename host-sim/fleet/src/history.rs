@@ -31,6 +31,8 @@ pub struct Series {
     pub kind: Kind,
     /// Its unit.
     pub unit: String,
+    /// Whether it is one motor's part of what all four do: these parts sum to one.
+    pub is_share: bool,
     /// Which flights of the craft have a value, in order.
     pub at: Vec<usize>,
     /// The values.
@@ -93,13 +95,34 @@ impl Flown<'_> {
     }
 }
 
+/// By how much a chance is multiplied for all series that were looked at. Plain statistics have one half of the significance and what
+/// comes of models has the other: the plain ones are few, and need no model to be right.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tests {
+    plain: f64,
+    of_models: f64,
+}
+
+impl Tests {
+    pub(crate) fn of<'a>(all: impl Iterator<Item = &'a Series>) -> Self {
+        let (plain, of_models): (Vec<&Series>, Vec<&Series>) = all.partition(|own| own.kind == Kind::Plain);
+        let twice = |series: Vec<&Series>| 2.0 * series.len() as f64;
+        Self { plain: twice(plain), of_models: twice(of_models) }
+    }
+
+    /// For a series.
+    pub(crate) fn of_series(&self, series: &Series) -> f64 {
+        if series.kind == Kind::Plain { self.plain } else { self.of_models }
+    }
+}
+
 fn series(name: String, kind: Kind, unit: String, values: impl Iterator<Item = Option<Estimate>>) -> Series {
     let is_told = |(k, value): (usize, Option<Estimate>)| {
         let value = value.filter(|own| own.value.is_finite() && own.std_error.is_finite())?;
         Some((k, value))
     };
     let (at, values) = values.enumerate().filter_map(is_told).unzip();
-    Series { name, kind, unit, at, values }
+    Series { name, kind, unit, is_share: false, at, values }
 }
 
 const fn exact(value: f64) -> Option<Estimate> {
@@ -111,22 +134,39 @@ pub(crate) fn plain(rows: &[&Row], vehicle: &Vehicle) -> Vec<Series> {
     let mut all: Vec<Series> = (0..4)
         .map(|motor| {
             let values = rows.iter().map(|row| exact(row.motor_shares[motor]));
-            series(
-                format!("share of motor {} in the mean command", motor + 1),
-                Kind::Plain,
-                "1".into(),
-                values,
-            )
+            let name = format!("share of motor {} in the mean command", motor + 1);
+            Series { is_share: true, ..series(name, Kind::Plain, "1".into(), values) }
         })
         .collect();
-    let unit = vehicle.motors.command_unit.to_string();
-    all.push(series(
-        "mean command".into(),
-        Kind::Plain,
-        unit,
-        rows.iter().map(|row| exact(row.mean_command)),
-    ));
+    all.push(mean_command(rows, vehicle));
     all
+}
+
+/// The mean command. A motor turns by what it gets: by the command times the battery's voltage, unless what commands it allows for that
+/// already. Of the two that is taken which differs less from flight to flight.
+fn mean_command(rows: &[&Row], vehicle: &Vehicle) -> Series {
+    let unit = vehicle.motors.command_unit.to_string();
+    let of = |name: &str, unit: String, value: fn(&Row, [f64; 2]) -> f64| {
+        let range = vehicle.motors.command_range;
+        series(name.into(), Kind::Plain, unit, rows.iter().map(|row| exact(value(row, range))))
+    };
+    let alone = of("mean command", unit, |row, _| row.mean_command);
+    let bare = of("mean command", "1".into(), part);
+    let volts = of("mean command times voltage", "V".into(), |row, range| part(row, range) * row.mean_v);
+    let is_steadier = volts.at == bare.at && changes(&volts.values) < changes(&bare.values);
+    if is_steadier { volts } else { alone }
+}
+
+/// The mean command as a part of its range.
+fn part(row: &Row, [low, high]: [f64; 2]) -> f64 {
+    (row.mean_command - low) / (high - low)
+}
+
+/// By what part of itself a value changes from one flight to the next, in the middle of all.
+fn changes(values: &[Estimate]) -> f64 {
+    let pairs = values.windows(2).map(|pair| (pair[1].value / pair[0].value).ln().abs());
+    sysid::statistics::median(&mut pairs.filter(|change| change.is_finite()).collect::<Vec<f64>>())
+        .unwrap_or(f64::INFINITY)
 }
 
 /// Voltages, which are the battery's and not the craft's.

@@ -42,8 +42,9 @@ pub(crate) struct Step {
     pub(crate) drifts: bool,
 }
 
-/// The steps of a series in its order, one of so many series.
-pub(crate) fn steps(series: &[Estimate], tests: f64) -> Vec<Step> {
+/// The steps of a series in its order, where the chance of each is multiplied by `tests`. `others` are of the same flights and sum to a
+/// constant with it; there may be none. They change where it changes, and are taken to scatter by as much.
+pub(crate) fn steps(series: &[Estimate], others: &[&[Estimate]], tests: f64) -> Vec<Step> {
     if series.len() < FEWEST {
         return Vec::new();
     }
@@ -53,7 +54,7 @@ pub(crate) fn steps(series: &[Estimate], tests: f64) -> Vec<Step> {
     places.sort_unstable();
     // What looks like a step beside its neighbours need not be one beside all flights: the least sure goes first.
     while !places.is_empty() {
-        let tested = tested(series, &places, tests);
+        let tested = tested((series, others), &places, tests);
         let p_value = |k: &usize| tested[*k].map_or(1.0, |step| step.p_value);
         let Some(worst) = (0..places.len()).max_by(|a, b| p_value(a).total_cmp(&p_value(b))) else { break };
         if p_value(&worst) < SIGNIFICANCE {
@@ -77,16 +78,57 @@ fn candidates(series: &[Estimate], first: usize, variance: f64, places: &mut Vec
     candidates(&series[at..], first + at, variance, places);
 }
 
+/// A series in parts that begin at some places.
+fn parts<'a>(series: &'a [Estimate], bounds: &[usize]) -> Vec<&'a [Estimate]> {
+    bounds.windows(2).map(|pair| &series[pair[0]..pair[1]]).collect()
+}
+
+/// How values scatter about the means of parts.
+struct Scatter {
+    /// Between flights.
+    variance: f64,
+    /// By how much variances of means grow since a flight is like the one before it, and by how much fewer flights count.
+    inflated: f64,
+    /// Degrees of freedom that this is known with.
+    freedom: f64,
+}
+
+impl Scatter {
+    /// Of the parts of series that sum to a constant: of so many, one follows from the others.
+    fn of(series: &[Vec<&[Estimate]>]) -> Option<Self> {
+        let groups: Vec<&[Estimate]> = series.iter().flatten().copied().collect();
+        let variance = between_variance(&groups);
+        let [first, ..] = series else { return None };
+        let (flights, parts) =
+            (first.iter().map(|part| part.len()).sum::<usize>() as f64, first.len() as f64);
+        let independent = (series.len() - 1).max(1) as f64;
+        let alike: Option<Vec<f64>> = series.iter().map(|parts| alike(parts, variance)).collect();
+        let shown = alike?.iter().sum::<f64>() / series.len() as f64;
+        // One standard error above what they show: a step that is fitted makes what it leaves look less alike than it is.
+        let alike = (shown + 1.0 / (flights * independent).sqrt()).clamp(0.0, MOST_ALIKE);
+        let inflated = (1.0 + alike) / (1.0 - alike);
+        Some(Self { variance, inflated, freedom: independent * (flights / inflated - parts) })
+    }
+}
+
 /// The steps at some places, each by the means before and after it up to the next one.
-fn tested(series: &[Estimate], places: &[usize], tests: f64) -> Vec<Option<Step>> {
+fn tested(
+    (series, others): (&[Estimate], &[&[Estimate]]),
+    places: &[usize],
+    tests: f64,
+) -> Vec<Option<Step>> {
+    let none = vec![None; places.len()];
     let bounds: Vec<usize> = std::iter::once(0).chain(places.iter().copied()).chain([series.len()]).collect();
-    let sides: Vec<&[Estimate]> = bounds.windows(2).map(|pair| &series[pair[0]..pair[1]]).collect();
-    let variance = between_variance(&sides);
+    let sides = parts(series, &bounds);
+    let Some(own) = Scatter::of(std::slice::from_ref(&sides)) else { return none };
+    let all =
+        || std::iter::once(&series).chain(others).map(|series| parts(series, &bounds)).collect::<Vec<_>>();
+    // One that scatters by more than the others together has its own scatter, which is known less well.
+    let together = (!others.is_empty()).then(|| Scatter::of(&all())).flatten();
+    let together = together.filter(|together| together.variance >= own.variance);
+    let Scatter { variance, inflated, freedom } = together.unwrap_or(own);
     let means: Option<Vec<Mean>> = sides.iter().map(|side| mean_under(side, variance)).collect();
-    let Some(means) = means else { return vec![None; places.len()] };
-    let told: Vec<(&[Estimate], Mean)> = sides.iter().copied().zip(means.iter().copied()).collect();
-    let inflated = inflation(&told, variance);
-    let freedom = series.len() as f64 / inflated - sides.len() as f64;
+    let Some(means) = means else { return none };
     let tries = (series.len() as f64 - 1.0) * tests;
     let step = |k: usize| {
         let (before, after) = (means[k], means[k + 1]);
@@ -125,20 +167,17 @@ fn neighbours_variance(series: &[Estimate]) -> f64 {
     sysid::statistics::median(&mut beyond).unwrap_or(0.0).max(0.0)
 }
 
-/// By how much variances of means grow since a flight is like the one before it, and by how much fewer flights count. How alike they are is
-/// taken one standard error above what they show: a step that is fitted makes what it leaves look less alike than it is.
-fn inflation(sides: &[(&[Estimate], Mean)], variance: f64) -> f64 {
+/// Correlation of each flight with the one before it about the means of parts.
+fn alike(parts: &[&[Estimate]], variance: f64) -> Option<f64> {
     let (mut products, mut squares) = (0.0, 0.0);
-    for (side, mean) in sides {
+    for part in parts {
+        let mean = mean_under(part, variance)?;
         let scaled: Vec<f64> =
-            side.iter().map(|e| (e.value - mean.value) * weight(e, variance).sqrt()).collect();
+            part.iter().map(|e| (e.value - mean.value) * weight(e, variance).sqrt()).collect();
         squares += scaled.iter().map(|r| r * r).sum::<f64>();
         products += scaled.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>();
     }
-    let count = sides.iter().map(|(side, _)| side.len()).sum::<usize>() as f64;
-    let shown = if squares > 0.0 { products / squares } else { 0.0 };
-    let alike = (shown + 1.0 / count.sqrt()).clamp(0.0, MOST_ALIKE);
-    (1.0 + alike) / (1.0 - alike)
+    Some(if squares > 0.0 { products / squares } else { 0.0 })
 }
 
 /// Weighted sums up to each place.
@@ -256,7 +295,7 @@ mod tests {
 
     #[test]
     fn a_step_is_found_where_it_is() {
-        let found = steps(&series(1, 60, 0.0, |k| if k < 37 { 10.0 } else { 13.0 }), 50.0);
+        let found = steps(&series(1, 60, 0.0, |k| if k < 37 { 10.0 } else { 13.0 }), &[], 50.0);
         let [step] = &found[..] else { panic!("{found:?}") };
         assert!(step.at.abs_diff(37) <= 1 && (step.likely[0]..=step.likely[1]).contains(&37), "{step:?}");
         assert!((step.after.value - step.before.value - 3.0).abs() < 1.0 && !step.drifts);
@@ -270,14 +309,15 @@ mod tests {
                 30..60 => 4.0,
                 _ => 8.0,
             }),
+            &[],
             50.0,
         );
         assert_eq!(found.len(), 2, "{found:?}");
         assert!(found[0].at.abs_diff(30) <= 1 && found[1].at.abs_diff(60) <= 1);
-        let drift = steps(&series(3, 90, 0.0, |k| 0.1 * k as f64), 50.0);
+        let drift = steps(&series(3, 90, 0.0, |k| 0.1 * k as f64), &[], 50.0);
         assert!(drift.iter().any(|step| step.drifts), "{drift:?}");
         let taken_back = |k: usize| if (30..60).contains(&k) { 4.0 } else { 0.0 };
-        let found = steps(&series(4, 90, 0.0, taken_back), 50.0);
+        let found = steps(&series(4, 90, 0.0, taken_back), &[], 50.0);
         assert_eq!(found.len(), 2, "{found:?}");
     }
 
@@ -290,12 +330,67 @@ mod tests {
                 .filter(|fleet| {
                     (0..50).any(|k| {
                         let flown = series(50 * fleet + k, count, alike, |_| 0.0);
-                        !steps(&flown, 50.0).is_empty()
+                        !steps(&flown, &[], 50.0).is_empty()
                     })
                 })
                 .count();
             println!("neighbours alike by {alike}, {count} flights: {alarms} of 1000 fleets");
             assert!(alarms <= allowed, "{alarms} of 1000 with {alike}, {count}");
+        }
+    }
+
+    /// What four motors do, as parts of what they do together.
+    fn shares(
+        seed: u64,
+        count: usize,
+        scatter: [f64; 4],
+        of_last: impl Fn(usize) -> f64,
+    ) -> [Vec<Estimate>; 4] {
+        let parts: [Vec<Estimate>; 4] =
+            std::array::from_fn(|motor| series(4 * seed + motor as u64, count, 0.0, |_| 0.0));
+        let of = |motor: usize, k: usize| {
+            let moved = if motor == 3 { of_last(k) } else { 0.0 };
+            100.0 + moved + scatter[motor] * parts[motor][k].value
+        };
+        std::array::from_fn(|motor| {
+            let share = |k: usize| of(motor, k) / (0..4).map(|other| of(other, k)).sum::<f64>();
+            (0..count).map(|k| Estimate { value: share(k), std_error: 0.0 }).collect()
+        })
+    }
+
+    fn steps_of_shares(shares: &[Vec<Estimate>; 4]) -> [Vec<Step>; 4] {
+        std::array::from_fn(|motor| {
+            let others = (0..4).filter(|other| *other != motor).map(|other| &shares[other][..]);
+            steps(&shares[motor], &others.collect::<Vec<_>>(), 10.0)
+        })
+    }
+
+    /// Two flights after eight.
+    #[test]
+    fn shares_of_motors_are_judged_by_how_all_of_them_scatter() {
+        let (mut together, mut alone) = (0, 0);
+        for seed in 0..50 {
+            let flown = shares(seed, 10, [1.0; 4], |k| if k < 8 { 0.0 } else { 10.0 });
+            let at = |found: &[Step]| found.iter().any(|step| step.at == 8);
+            together += usize::from(at(&steps_of_shares(&flown)[3]));
+            alone += usize::from(at(&steps(&flown[3], &[], 10.0)));
+        }
+        println!("found in {together} of 50, by itself in {alone}");
+        assert!(together >= alone + 8 && together >= 35, "{together} {alone}");
+    }
+
+    /// Half of the significance is theirs. One that scatters by twice as much as the others is seldom taken for a change.
+    #[test]
+    fn shares_that_only_scatter_have_not_changed() {
+        for scatter in [[1.0; 4], [1.0, 1.0, 2.0, 1.0]] {
+            for count in [8, 20, 60] {
+                let changed = |seed: &u64| {
+                    steps_of_shares(&shares(*seed, count, scatter, |_| 0.0)).iter().any(|s| !s.is_empty())
+                };
+                let alarms = (0..1000).filter(changed).count();
+                println!("{count} flights, scatter {scatter:?}: {alarms} of 1000 craft");
+                assert!(alarms <= 12, "{alarms} of 1000 with {count}, {scatter:?}");
+            }
         }
     }
 
@@ -310,6 +405,6 @@ mod tests {
 
     #[test]
     fn three_flights_say_nothing() {
-        assert!(steps(&series(7, 3, 0.0, |k| 100.0 * k as f64), 1.0).is_empty());
+        assert!(steps(&series(7, 3, 0.0, |k| 100.0 * k as f64), &[], 1.0).is_empty());
     }
 }

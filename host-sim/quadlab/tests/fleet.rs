@@ -98,7 +98,7 @@ fn crazyflies(root: &Path, data: &Path, only_normal: bool) {
     }
 }
 
-/// Where nothing was done, nothing is said to have changed; one craft is never again as it was from the flight with a weight on.
+/// Where nothing was done, nothing is said to have changed; one craft has a weight near a motor, then cut propellers.
 #[test]
 fn real_craft_change_when_something_was_done_to_them() {
     let Some(data) = shared("data/crazypad") else { return };
@@ -116,9 +116,10 @@ fn real_craft_change_when_something_was_done_to_them() {
         let crafts = answer["crafts"].as_array().unwrap();
         crafts.iter().find(|own| own["craft"] == craft).unwrap()["changes"].as_array().unwrap().clone()
     };
-    let [change] = &of("E9")[..] else { panic!("{:?}", of("E9")) };
-    let from = change["from"]["flight"].as_str().unwrap();
-    assert!(from.contains("2026-03-09_motor__add_weight_W3_near_M3"), "{from}");
+    let [change, cut] = &of("E9")[..] else { panic!("{:?}", of("E9")) };
+    let from = |change: &serde_json::Value| change["from"]["flight"].as_str().unwrap().to_owned();
+    assert!(from(change).contains("2026-03-09_motor__add_weight_W3_near_M3"), "{change}");
+    assert!(from(cut).contains("2026-03-11_motor__cut_M2_1.5mm"), "{cut}");
     // A weight near a motor and a weaker motor are the same to these logs: no single cause is sure.
     let logs = &change["in_logs"];
     let is_sure = logs["confounded_with"].as_array().is_some_and(Vec::is_empty);
@@ -173,4 +174,47 @@ fn a_pass_that_is_killed_loses_nothing() {
     // But for how many were read now.
     let after = |text: &str| text.split_once(" read now.").map(|(_, rest)| rest.to_owned());
     assert_eq!(after(&killed), after(&whole));
+}
+
+/// Flights of a real craft, a day each, in this order.
+fn crazypad(root: &Path, craft: &str, logs: &[&str]) -> serde_json::Value {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::copy(root.join("vehicle.toml"), folder.path().join("vehicle.toml")).unwrap();
+    let legs = logs.iter().flat_map(|log| [1, 2].map(|leg| format!("{log}_leg{leg}.csv")));
+    for (day, log) in legs.enumerate() {
+        let (what, number) = log.split_once(' ').unwrap();
+        let from = root.join(format!("motor__{what}__{craft}_{number}"));
+        std::fs::copy(from, folder.path().join(format!("2025-03-{:02}_{what}.csv", day + 1))).unwrap();
+    }
+    json_in(folder.path(), &["fleet", ".", "--no-causes"])["crafts"][0].clone()
+}
+
+/// Two flights after eight. The mean command falls and rises with the battery, by more than a weight of a few grams changes it.
+#[test]
+fn changes_of_real_craft_are_found_at_their_flight() {
+    let Some(root) = shared("data/crazypad") else { return };
+    let normal = ["normal_flight log00", "normal_flight log01", "normal_flight log02", "normal_flight log03"];
+    let after = |craft: &str, changed: &[&str]| crazypad(&root, craft, &[&normal, changed].concat());
+    for (craft, changed, motors) in [
+        ("E8", "cut_M3_3mm_3mm_41mm log00", &[4][..]),
+        ("E9", "add_weight_W3_near_M3 log00", &[4]),
+        ("E9", "cut_M2_1.5mm_1.5mm_44mm_M1_1.5mm_1.5mm_44mm log03", &[1, 2]),
+        ("E9", "cut_M2_3.5mm_3.5mm_40mm_M1_3.5mm_3.5mm_40mm log03", &[1]),
+    ] {
+        let answer = after(craft, &[changed]);
+        let [event] = &answer["changes"].as_array().unwrap()[..] else { panic!("{changed}: {answer:#}") };
+        let flight = event["from"]["flight"].as_str().unwrap();
+        assert!(flight.contains("2025-03-09"), "{changed}: {flight}");
+        let moved = event["moved"].as_array().unwrap();
+        for motor in motors {
+            let share = format!("share of motor {motor} in the mean command");
+            assert!(moved.iter().any(|own| own["series"] == share), "{changed}: {moved:#?}");
+        }
+    }
+    for (craft, unchanged) in
+        [("E8", &["tape_on_M3 log00", "tape_on_M3 log01"][..]), ("E8", &[]), ("E9", &[])]
+    {
+        let answer = after(craft, unchanged);
+        assert_eq!(answer["changes"].as_array().unwrap().len(), 0, "{craft} {unchanged:?}: {answer:#}");
+    }
 }
