@@ -38,6 +38,11 @@ impl About {
         }
     }
 
+    /// Whether the place along north, east or down means anything to it.
+    const fn is_along(self, axis: usize) -> bool {
+        axis < self.names().len()
+    }
+
     /// Measured quantities that a force about a center depends on.
     pub(crate) const fn quantities(self) -> &'static [&'static str] {
         match self {
@@ -86,7 +91,7 @@ impl Center {
     /// From a craft to it, NED, m.
     fn to(self, position_ned_m: &Vector3<f64>) -> Vector3<f64> {
         let mut to = Vector3::from(self.place_ned_m) - position_ned_m;
-        if self.about != About::Point {
+        if !self.about.is_along(2) {
             to.z = 0.0;
         }
         to
@@ -171,7 +176,8 @@ impl Flown {
         self.span(|place| place[axis])
     }
 
-    /// Centers that every form is tried about, in and beside what was flown; those that share their distances beside each other.
+    /// Centers that every form is tried about, in and beside what was flown; those that share their distances beside each other. None is
+    /// beyond it along two axes: from so far off, a center is much like the nearest of these, from which a fit goes on.
     pub(crate) fn centers(&self) -> Vec<Center> {
         let spans = [0, 1, 2].map(|axis| self.along(axis));
         if !spans.iter().all(Span::is_wide) {
@@ -196,6 +202,33 @@ impl Flown {
         };
         let mut all = every([-1, 3], 2, &[About::Point], &grid(2, [-1, 3], 2));
         all.extend(every([-1, 5], 4, &[About::Axis, About::Around], &[0.0]));
+        let is_beyond = |center: &Center, axis: usize| {
+            let span = spans[axis];
+            let from_middle = center.place_ned_m[axis] - 0.5 * (span.low + span.high);
+            center.about.is_along(axis) && from_middle.abs() > 0.6 * span.length()
+        };
+        all.retain(|center| (0..3).filter(|axis| is_beyond(center, *axis)).count() < 2);
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_center_is_beyond_what_was_flown_along_two_axes() {
+        let corner = |k: i32| Vector3::from([0, 1, 2].map(|axis| f64::from(k >> axis & 1) + 10.0));
+        let centers = Flown((0..8).map(corner).collect()).centers();
+        // Of five places along each axis three are in it or at its end; of seven in the plane, five.
+        let of = |about| centers.iter().filter(|center| center.about == about).count();
+        assert_eq!([About::Point, About::Axis, About::Around].map(of), [27 + 2 * 27, 25 + 20, 25 + 20]);
+        let pairs = centers.windows(2).filter(|pair| pair[0].shares_distance(pair[1])).count();
+        assert_eq!(pairs, of(About::Axis), "an axis is beside what turns about it");
+        let beyond = |center: &Center| {
+            (0..center.count()).filter(|axis| !(9.9..11.1).contains(&center.place_ned_m[*axis])).count()
+        };
+        assert!(centers.iter().all(|center| beyond(center) < 2));
+        assert!(Flown(vec![Vector3::zeros(); 2]).centers().is_empty(), "nothing was flown");
     }
 }

@@ -28,6 +28,8 @@ pub(crate) enum Channel {
     Drag,
     /// Drag against the forward and sideward motion through the air.
     HorizontalDrag,
+    /// Damping of roll and pitch alike: what a part of it shows by itself, the model's own damping takes.
+    TiltDamping,
 }
 
 /// What a rotor's thrust does to the rows for each square of its speed, as the model has it: m, 1 and 1.
@@ -60,6 +62,9 @@ impl Channel {
             model::AXES.into_iter().filter(|axis| axis.is_force() || has_rotation).map(Self::Body).collect();
         all.extend([Self::Earth(0), Self::Earth(1), Self::Earth(2), Self::Thrust]);
         all.extend([Self::Drag, Self::HorizontalDrag]);
+        if has_rotation {
+            all.push(Self::TiltDamping);
+        }
         if has_rotation && model.vehicle.has_rotor_map() {
             let levers = levers(model);
             all.extend(levers.into_iter().enumerate().map(|(k, lever)| Self::Rotor(k, lever)));
@@ -157,6 +162,10 @@ impl Channel {
                 sink.add(Axis::U, first, -per_mass * sample.air_velocity_m_s.x);
                 sink.add(Axis::V, first, -per_mass * sample.air_velocity_m_s.y);
             }
+            Self::TiltDamping => {
+                sink.add(Axis::P, first, -value * sample.input.rate_rad_s.x);
+                sink.add(Axis::Q, first, -value * sample.input.rate_rad_s.y);
+            }
             Self::Rotor(k, lever) | Self::RotorApart(k, lever) => {
                 let square = sample.rotor_thrust_rad2_s2[k] * value;
                 sink.add(Axis::W, first + self.amplitudes() - 1, -lever.lift * square);
@@ -186,6 +195,7 @@ impl Channel {
             Self::Body(Axis::Q) => &[Axis::Q],
             Self::Body(Axis::R) => &[Axis::R],
             Self::HorizontalDrag => &[Axis::U, Axis::V],
+            Self::TiltDamping => &[Axis::P, Axis::Q],
             Self::Rotor(..) | Self::RotorApart(..) | Self::EachRotor(_) => &[Axis::W, Axis::P, Axis::Q],
             Self::Earth(_) | Self::Horizontal | Self::Center(_) | Self::Drag => &FORCES,
         }
@@ -216,6 +226,7 @@ impl Channel {
             Self::Thrust => vec![row("w", "-thrust * ", "")],
             Self::Drag => ["u", "v", "w"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
             Self::HorizontalDrag => ["u", "v"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
+            Self::TiltDamping => ["p", "q"].map(|axis| row(axis, &format!("-{axis} * "), "")).into(),
             Self::Rotor(k, _) | Self::RotorApart(k, _) => {
                 let [mut force, roll, pitch] = rows_of_rotor(k);
                 force.amplitude = self.amplitudes() - 1;
@@ -255,6 +266,7 @@ impl Channel {
             Self::Body(_) | Self::Earth(_) | Self::Horizontal | Self::Center(_) => "N",
             Self::Thrust | Self::Rotor(..) | Self::RotorApart(..) | Self::EachRotor(_) => "1",
             Self::Drag | Self::HorizontalDrag => "N s/m",
+            Self::TiltDamping => "1/s",
         }
     }
 
@@ -263,6 +275,7 @@ impl Channel {
         match self {
             Self::Drag => &["u", "v", "w"],
             Self::HorizontalDrag => &["u", "v"],
+            Self::TiltDamping => &["p", "q"],
             Self::Center(center) => center.about.quantities(),
             _ => &[],
         }
@@ -292,6 +305,7 @@ impl Channel {
             Self::EachRotor(_) => "A change of the thrust of each rotor".into(),
             Self::Drag => "A change of the drag".into(),
             Self::HorizontalDrag => "A change of the horizontal drag".into(),
+            Self::TiltDamping => "A change of the damping of roll and pitch".into(),
         }
     }
 }

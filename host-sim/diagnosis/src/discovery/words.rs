@@ -85,6 +85,7 @@ fn directed(channel: Channel, amount: f64) -> String {
         Channel::EachRotor(_) => either("Extra thrust of each rotor", "A loss of thrust of each rotor"),
         Channel::Drag => either("Extra drag", "Less drag"),
         Channel::HorizontalDrag => either("Extra horizontal drag", "Less horizontal drag"),
+        Channel::TiltDamping => either("Extra damping of roll and pitch", "Less damping of roll and pitch"),
         Channel::Body(Axis::P) => either("A roll acceleration", "A negative roll acceleration"),
         Channel::Body(Axis::Q) => either("A pitch acceleration", "A negative pitch acceleration"),
         Channel::Body(Axis::R) => either("A yaw acceleration", "A negative yaw acceleration"),
