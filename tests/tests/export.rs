@@ -453,4 +453,8 @@ fn what_cannot_be_exported_is_refused_in_one_line() {
     assert!(said.contains("no rigid body"), "{said}");
     let said = refused(&|_| {}, &["--to", "mujoco", "--at", "trim.toml"]);
     assert!(said.contains("python-control"), "{said}");
+    for to in ["c", "simulink"] {
+        let said = refused(&|_| {}, &["--to", to]);
+        assert!(said.contains("--gains"), "{to}: {said}");
+    }
 }

@@ -21,7 +21,10 @@ const SHORTEST: usize = 2;
 /// 95 % point of chi squared with one degree of freedom: how much worse a moment may be and still be a likely one.
 const LIKELY: f64 = 3.841;
 
-/// When the change began that flights in order show; nothing where it may have been there from the first second.
+/// Part of the change that windows before its beginning may show: with more of it, it was there already, and grew.
+const THERE_ALREADY: f64 = 1.0 / 3.0;
+
+/// When the change began that flights in order show; nothing where it may have been there from the first second, however strong.
 /// `between` is how much the share differs between flights of an unchanged craft.
 pub(crate) fn since(flights: &[(String, Vec<Share>)], between: f64) -> Option<Since> {
     let places: Vec<(usize, f64)> = flights
@@ -41,6 +44,12 @@ pub(crate) fn since(flights: &[(String, Vec<Share>)], between: f64) -> Option<Si
     let (from, best) = moments.iter().copied().min_by(|a, b| a.1.total_cmp(&b.1))?;
     // Each of the places had its chance.
     if throughout - best < 2.0 * (TIE + (count as f64).ln()) {
+        return None;
+    }
+    let shares: Vec<f64> =
+        flights.iter().flat_map(|(_, windows)| windows).map(|window| window.share).collect();
+    let mean = |shares: &[f64]| shares.iter().sum::<f64>() / shares.len() as f64;
+    if mean(&shares[..from]) > THERE_ALREADY * mean(&shares[from..]) {
         return None;
     }
     let likely: Vec<usize> =
@@ -166,6 +175,10 @@ mod tests {
     fn what_was_there_all_the_while_and_what_flights_differ_by_anyway_has_no_beginning() {
         assert_eq!(since(&flights(&[20, 20, 20], 0.1, |_, _| 1.0), 0.1), None);
         assert_eq!(since(&flights(&[6; 8], 1.0, |_, _| 0.5), 1.0), None);
+        let grows = |_: usize, k: usize| if k < 8 { 0.6 } else { 1.1 };
+        assert_eq!(since(&flights(&[40], 0.1, grows), 0.0), None);
+        let comes = |_: usize, k: usize| if k < 8 { 0.1 } else { 1.1 };
+        assert!(since(&flights(&[40], 0.1, comes), 0.0).is_some());
         assert_eq!(since(&[], 0.1), None);
         assert_eq!(since(&flights(&[3], 0.1, |_, k| k as f64), 0.1), None);
     }

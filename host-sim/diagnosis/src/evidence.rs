@@ -267,6 +267,11 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
     };
     let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
+        Some(percent) if percent <= 0.0 => format!(
+            "{what} With {} in the model, which the diagnosis finds, it does not lower the held-out {}.",
+            joined(&others, " and "),
+            rms_of(effect.info().axes)
+        ),
         Some(percent) => format!(
             "{what} With {} in the model, which the diagnosis finds, it lowers the held-out {} by {} %.",
             joined(&others, " and "),

@@ -253,6 +253,9 @@ impl fmt::Display for Reason {
                 "these flights do not excite it enough: an effect of typical size would not show; to see it: {excitation}"
             ),
             Self::LikeChance => f.write_str("its coefficients do not differ significantly from zero"),
+            Self::TooSmall { largest_percent, .. } if *largest_percent <= 0.0 => {
+                f.write_str("it predicts no axis of the held-out flights better")
+            }
             Self::TooSmall { largest_percent, matters_percent } => write!(
                 f,
                 "too small to matter: at best, the held-out squared error of an axis falls by {} %, and {} % is \
@@ -463,6 +466,9 @@ mod tests {
         assert_eq!(left.to_string(), expected);
         let beside = Reason::AddsNothing { beside: vec![Effect::Tether, Effect::SteadyWind] };
         assert_eq!(beside.to_string(), "adds nothing once tether and steady-wind are in the model");
+        let small = |largest_percent| Reason::TooSmall { largest_percent, matters_percent: 1.5 }.to_string();
+        assert!(small(1.2).ends_with("of an axis falls by 1.2 %, and 1.5 % is needed"), "{}", small(1.2));
+        assert_eq!(small(-583.4), "it predicts no axis of the held-out flights better");
         let p_value = Some(0.3);
         let refuted = Reason::NotBorneOut { improved: 1, flights: 2, p_value };
         assert_eq!(refuted.to_string(), "not confirmed on held-out flights (1 of 2 improve, p = 0.300)");

@@ -142,11 +142,12 @@ impl Flight {
 
     fn lacks(&self, column: Column, problem: &'static str, path: &Path) -> FlightError {
         let logged = COLUMNS.iter().zip(&self.columns).filter(|(_, values)| values.is_some());
+        let logged: Vec<&str> = logged.map(|(name, _)| *name).collect();
         FlightError::Header {
             path: path.into(),
             column: COLUMNS[column as usize].into(),
             problem,
-            found: logged.map(|(name, _)| *name).collect::<Vec<_>>().join(","),
+            found: format!("the columns with values are {}", logged.join(",")),
         }
     }
 
@@ -308,8 +309,9 @@ mod tests {
         let said = |columns: &[&[Column]]| completed(&columns.concat()).unwrap_err();
         let most = [Column::X, Column::Y, Column::Z];
         assert!(
-            said(&[&ANGLES, &RATES[..2], &COMMANDS, &most])
-                .contains("column \"r\" is missing or has no values")
+            said(&[&ANGLES, &RATES[..2], &COMMANDS, &most]).contains(
+                "column \"r\" is missing or has no values; the columns with values are t,x,y,z,phi"
+            )
         );
         assert!(said(&[&ANGLES, &RATES, &most]).contains("no rotor speeds (omega1..omega4) in its place"));
         assert!(said(&[&ANGLES, &RATES, &COMMANDS]).contains("no accelerometer (ax, ay, az) in its place"));

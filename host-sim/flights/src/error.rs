@@ -36,7 +36,7 @@ pub enum FlightError {
         mend: &'static str,
     },
     /// A required column is missing, or one is there twice.
-    #[error("{}: row 1: column \"{column}\" {problem}; the header has {found}", path.display())]
+    #[error("{}: row 1: column \"{column}\" {problem}; {found}", path.display())]
     Header {
         /// The file.
         path: PathBuf,
@@ -44,7 +44,7 @@ pub enum FlightError {
         column: String,
         /// What is wrong with it.
         problem: &'static str,
-        /// The header as read.
+        /// The columns that there are, in words.
         found: String,
     },
     /// A field that is not a number.

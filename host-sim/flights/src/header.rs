@@ -33,7 +33,7 @@ pub(crate) fn read_header(names: &[String], path: &Path, map: &ColumnMap) -> Res
             path: path.into(),
             column: shortened(column),
             problem,
-            found: shortened(&names.join(",")),
+            found: format!("the header has {}", shortened(&names.join(","))),
         })
     };
     if let Some((_, source)) = map.sources.iter().find(|(_, source)| !names.contains(&source.name)) {

@@ -270,6 +270,15 @@ fn the_report_is_told_and_a_case_flown_again_ends_as_in_its_shard() {
     assert!(
         std::fs::read_to_string(folder.path().join("case.html")).unwrap().contains("The track from above.")
     );
+    let replayed = json_in(folder.path(), &["campaign", "replay", "plan.json", &case]);
+    schemas::assert_valid("campaign-replay", &replayed);
+    assert_eq!([&replayed["lost_by"], &replayed["lost_after_s"]], [&worst["lost_by"], &worst["after_s"]]);
+    let planned = json_in(folder.path(), &["campaign", "plan", "c.toml", "--out", "again.json"]);
+    schemas::assert_valid("campaign-plan", &planned);
+    assert_eq!(
+        [&planned["flights"], &planned["file"]],
+        [&serde_json::json!(CASES), &serde_json::json!("again.json")]
+    );
     let causes = json_in(folder.path(), &["campaign", "why", "plan.json", &case]);
     schemas::assert_valid("campaign-why", &causes);
     assert_eq!(causes["after_s"], worst["after_s"]);

@@ -13,6 +13,7 @@ use report::significant;
 
 use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::progress;
+use crate::commands::campaign_documents::{Planned, Replayed};
 use crate::commands::{campaign_search, campaign_submit};
 use crate::render;
 
@@ -166,6 +167,9 @@ fn make_plan(options: &PlanOptions) -> anyhow::Result<Outcome> {
     options.output.check([&options.out], &[&options.definition])?;
     let plan = Plan::new(&Definition::read(&options.definition)?, &options.definition, options.shards)?;
     report::write_atomic(&options.out, plan.to_json())?;
+    if options.output.json {
+        return Outcome::json(&Planned::new(&options.out, &plan));
+    }
     let file = options.out.display();
     Ok(Outcome::done(format!(
         "{} flights in {}; plan written to {file}\nto fly it: quadlab campaign run {file} --out parts\n",
@@ -339,6 +343,9 @@ fn replay(options: &ReplayOptions) -> anyhow::Result<Outcome> {
     if let Some(path) = &options.out {
         let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
         report::write_atomic(path, flight.recording.to_flight(name, false).to_csv())?;
+    }
+    if options.output.json {
+        return Outcome::json(&Replayed::new(&plan, &flight));
     }
     let mut text = render::grid::paragraph(&sentence);
     for Input { name, value, usual } in &flight.flown.drawn.inputs {

@@ -28,7 +28,7 @@ pub(crate) struct Options {
     to: To,
 
     /// Gains file, for --to c only, for example: --gains gains.toml
-    #[arg(long, value_name = "TOML", required_if_eq("to", "c"))]
+    #[arg(long, value_name = "TOML", required_if_eq_any([("to", "c"), ("to", "simulink")]))]
     gains: Option<PathBuf>,
 
     /// For design tools only: equilibrium to linearise about, "hover" or a trim file with the motion to hold, as for linearize

@@ -2,6 +2,7 @@
 
 pub(crate) mod add;
 pub(crate) mod campaign;
+pub(crate) mod campaign_documents;
 pub(crate) mod campaign_search;
 pub(crate) mod campaign_submit;
 pub(crate) mod compare;

@@ -12,8 +12,8 @@ use sysid::Comparison;
 
 use crate::cli::faults::WithFaults;
 use crate::commands::{
-    add, compare, design, design_report, effects, excite, explain, export, identify, import, linearize,
-    motor_map, plan,
+    add, campaign_documents, compare, design, design_report, effects, excite, explain, export, identify,
+    import, linearize, motor_map, plan,
 };
 use crate::render::discovery;
 
@@ -29,7 +29,7 @@ pub(crate) fn write(folder: &Path) -> anyhow::Result<()> {
 }
 
 /// File name, command and schema of each document.
-fn schemas() -> [(&'static str, &'static str, Schema); 23] {
+fn schemas() -> [(&'static str, &'static str, Schema); 25] {
     [
         ("import", "import", of::<import::Document>()),
         ("identify", "identify", of::<WithFaults<identify::Document>>()),
@@ -52,6 +52,8 @@ fn schemas() -> [(&'static str, &'static str, Schema); 23] {
         ("plan", "plan", of::<plan::Document>()),
         ("fleet", "fleet", of::<fleet::Answer>()),
         ("campaign", "campaign report", of::<campaign::Summary>()),
+        ("campaign-plan", "campaign plan", of::<campaign_documents::Planned>()),
+        ("campaign-replay", "campaign replay", of::<campaign_documents::Replayed>()),
         ("campaign-why", "campaign why", of::<campaign::Causes>()),
         ("campaign-search", "campaign search", of::<campaign::Found>()),
     ]
