@@ -6,7 +6,6 @@ use common::{asked, craft, flight, truth, updated};
 use diagnosis::workflow::Silent;
 use fleet::{Answer, PassOptions, Question, ask, look_up_causes};
 use model::{Effect, Model};
-use rand::{RngExt, SeedableRng};
 
 /// A craft that flies 20 times, from flight `at` on as `after` says.
 fn fleet_with(after: &Model, at: u64, seed: u64) -> (tempfile::TempDir, Answer) {
@@ -80,33 +79,4 @@ fn the_logs_are_asked_once_for_the_cause() {
     assert_eq!(answered.answer.crafts[0].changes[0], event);
     look_up_causes(&mut answered, &fleet, &indexed, &path, &Silent).unwrap();
     assert_eq!(answered.answer.crafts[0].changes, [event]);
-}
-
-/// Normal deviates, by the sum of twelve even ones.
-fn gauss(rng: &mut impl RngExt) -> f64 {
-    (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0
-}
-
-/// Twenty flights each, whose thrust differs by 1 % and whose centre of mass by 1 mm from flight to flight: how batteries are put in.
-#[test]
-#[ignore = "2,000 flights, two minutes"]
-fn a_hundred_fleets_whose_flights_differ() {
-    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(17);
-    let mut changed = 0;
-    for fleet_of in 0..100 {
-        let root = tempfile::tempdir().unwrap();
-        let folder = craft(root.path(), "quad-1");
-        for day in 1..=20 {
-            let mut model = truth();
-            let thrust = model.term(Effect::Thrust).unwrap().coefficients[0].value;
-            model.set(Effect::Thrust, &[thrust * (1.0 + 0.01 * gauss(&mut rng))]);
-            model.set(Effect::ComOffset, &[0.001 * gauss(&mut rng), 0.001 * gauss(&mut rng)]);
-            flight(&folder, &model, day, 1000 * fleet_of + day, 12.0);
-        }
-        let (fleet, indexed) = updated(root.path(), PassOptions::default(), &Silent);
-        let answer = asked(&fleet, &indexed, &Question::default());
-        changed += usize::from(!answer.crafts[0].changes.is_empty());
-    }
-    println!("{changed} of 100 fleets are said to have changed");
-    assert!(changed <= 4, "{changed} of 100");
 }
