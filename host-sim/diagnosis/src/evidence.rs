@@ -267,17 +267,16 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
     };
     let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
-        Some(percent) if percent <= 0.0 => format!(
-            "{what} With {} in the model, which the diagnosis finds, it does not lower the held-out {}.",
-            joined(&others, " and "),
-            rms_of(effect.info().axes)
-        ),
-        Some(percent) => format!(
-            "{what} With {} in the model, which the diagnosis finds, it lowers the held-out {} by {} %.",
-            joined(&others, " and "),
-            rms_of(effect.info().axes),
-            number::percent(rms_fall_percent(percent))
-        ),
+        Some(percent) => {
+            let rms = rms_of(effect.info().axes);
+            let fall = if percent <= 0.0 {
+                format!("does not lower the held-out {rms}")
+            } else {
+                format!("lowers the held-out {rms} by {} %", number::percent(rms_fall_percent(percent)))
+            };
+            let others = joined(&others, " and ");
+            format!("{what} With {others} in the model, which the diagnosis finds, it {fall}.")
+        }
         None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),
         None => what,
     }

@@ -105,9 +105,14 @@ pub(crate) struct Tests {
 
 impl Tests {
     pub(crate) fn of<'a>(all: impl Iterator<Item = &'a Series>) -> Self {
-        let (plain, of_models): (Vec<&Series>, Vec<&Series>) = all.partition(|own| own.kind == Kind::Plain);
-        let twice = |series: Vec<&Series>| 2.0 * series.len() as f64;
-        Self { plain: twice(plain), of_models: twice(of_models) }
+        let mut tests = Self { plain: 0.0, of_models: 0.0 };
+        for series in all {
+            match series.kind {
+                Kind::Plain => tests.plain += 2.0,
+                Kind::Coefficient | Kind::Change => tests.of_models += 2.0,
+            }
+        }
+        tests
     }
 
     /// For a series.
@@ -129,37 +134,31 @@ const fn exact(value: f64) -> Option<Estimate> {
     Some(Estimate { value, std_error: 0.0 })
 }
 
-/// Statistics that no model is behind: how the motors share the work, and how hard they work. They have no errors of their own.
+/// A statistic that no model is behind; it has no errors of its own.
+fn plain_series(rows: &[&Row], name: &str, unit: String, value: impl Fn(&Row) -> f64) -> Series {
+    series(name.into(), Kind::Plain, unit, rows.iter().map(|row| exact(value(row))))
+}
+
+/// Statistics that no model is behind: how the motors share the work, and how hard they work.
 pub(crate) fn plain(rows: &[&Row], vehicle: &Vehicle) -> Vec<Series> {
-    let mut all: Vec<Series> = (0..4)
-        .map(|motor| {
-            let values = rows.iter().map(|row| exact(row.motor_shares[motor]));
-            let name = format!("share of motor {} in the mean command", motor + 1);
-            Series { is_share: true, ..series(name, Kind::Plain, "1".into(), values) }
-        })
-        .collect();
-    all.push(mean_command(rows, vehicle));
-    all
+    let share = |motor: usize| {
+        let name = format!("share of motor {} in the mean command", motor + 1);
+        Series { is_share: true, ..plain_series(rows, &name, "1".into(), |row| row.motor_shares[motor]) }
+    };
+    (0..4).map(share).chain([mean_command(rows, vehicle)]).collect()
 }
 
 /// The mean command. A motor turns by what it gets: by the command times the battery's voltage, unless what commands it allows for that
 /// already. Of the two that is taken which differs less from flight to flight.
 fn mean_command(rows: &[&Row], vehicle: &Vehicle) -> Series {
-    let unit = vehicle.motors.command_unit.to_string();
-    let of = |name: &str, unit: String, value: fn(&Row, [f64; 2]) -> f64| {
-        let range = vehicle.motors.command_range;
-        series(name.into(), Kind::Plain, unit, rows.iter().map(|row| exact(value(row, range))))
-    };
-    let alone = of("mean command", unit, |row, _| row.mean_command);
-    let bare = of("mean command", "1".into(), part);
-    let volts = of("mean command times voltage", "V".into(), |row, range| part(row, range) * row.mean_v);
-    let is_steadier = volts.at == bare.at && changes(&volts.values) < changes(&bare.values);
-    if is_steadier { volts } else { alone }
-}
-
-/// The mean command as a part of its range.
-fn part(row: &Row, [low, high]: [f64; 2]) -> f64 {
-    (row.mean_command - low) / (high - low)
+    let [low, high] = vehicle.motors.command_range;
+    let part = |row: &Row| (row.mean_command - low) / (high - low);
+    let parts = plain_series(rows, "mean command", "1".into(), part);
+    let volts = plain_series(rows, "mean command times voltage", "V".into(), |row| part(row) * row.mean_v);
+    if volts.at == parts.at && changes(&volts.values) < changes(&parts.values) {
+        return volts;
+    }
+    plain_series(rows, "mean command", vehicle.motors.command_unit.to_string(), |row| row.mean_command)
 }
 
 /// By what part of itself a value changes from one flight to the next, in the middle of all.
@@ -171,8 +170,6 @@ fn changes(values: &[Estimate]) -> f64 {
 
 /// Voltages, which are the battery's and not the craft's.
 pub(crate) fn voltages(rows: &[&Row]) -> Vec<Series> {
-    let of = |name: &str, value: fn(&Row) -> f64| {
-        series(name.into(), Kind::Plain, "V".into(), rows.iter().map(|row| exact(value(row))))
-    };
+    let of = |name: &str, value: fn(&Row) -> f64| plain_series(rows, name, "V".into(), value);
     vec![of("mean voltage", |row| row.mean_v), of("lowest voltage", |row| row.lowest_v)]
 }

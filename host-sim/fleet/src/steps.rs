@@ -117,10 +117,10 @@ fn tested(
     places: &[usize],
     tests: f64,
 ) -> Vec<Option<Step>> {
-    let none = vec![None; places.len()];
     let bounds: Vec<usize> = std::iter::once(0).chain(places.iter().copied()).chain([series.len()]).collect();
     let sides = parts(series, &bounds);
-    let Some(own) = Scatter::of(std::slice::from_ref(&sides)) else { return none };
+    let none = || vec![None; places.len()];
+    let Some(own) = Scatter::of(std::slice::from_ref(&sides)) else { return none() };
     let all =
         || std::iter::once(&series).chain(others).map(|series| parts(series, &bounds)).collect::<Vec<_>>();
     // One that scatters by more than the others together has its own scatter, which is known less well.
@@ -128,7 +128,7 @@ fn tested(
     let together = together.filter(|together| together.variance >= own.variance);
     let Scatter { variance, inflated, freedom } = together.unwrap_or(own);
     let means: Option<Vec<Mean>> = sides.iter().map(|side| mean_under(side, variance)).collect();
-    let Some(means) = means else { return none };
+    let Some(means) = means else { return none() };
     let tries = (series.len() as f64 - 1.0) * tests;
     let step = |k: usize| {
         let (before, after) = (means[k], means[k + 1]);

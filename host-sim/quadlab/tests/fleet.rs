@@ -80,21 +80,25 @@ fn what_cannot_be_asked_is_refused_in_one_line() {
     }
 }
 
+/// A craft's folder with some logs of the data, a day each, in this order.
+fn flown_a_day_each(folder: &Path, data: &Path, logs: impl Iterator<Item = String>) {
+    std::fs::create_dir_all(folder).unwrap();
+    std::fs::copy(data.join("vehicle.toml"), folder.join("vehicle.toml")).unwrap();
+    for (day, log) in logs.enumerate() {
+        std::fs::copy(data.join(&log), folder.join(format!("2026-03-{:02}_{log}", day + 1))).unwrap();
+    }
+}
+
 /// Two Crazyflies as CrazyPAD flew them, those flights first that nothing was done to; only those, or all.
 fn crazyflies(root: &Path, data: &Path, only_normal: bool) {
     let mut logs: Vec<_> = std::fs::read_dir(data).unwrap().map(|entry| entry.unwrap().path()).collect();
     logs.sort_by_key(|path| (!path.to_string_lossy().contains("normal_flight"), path.clone()));
     for craft in ["E8", "E9"] {
-        let folder = root.join("fleet").join(craft);
-        std::fs::create_dir_all(&folder).unwrap();
-        std::fs::copy(data.join("vehicle.toml"), folder.join("vehicle.toml")).unwrap();
         let name = |path: &std::path::PathBuf| path.file_name().unwrap().to_string_lossy().into_owned();
-        let own = logs.iter().map(|path| (name(path), path)).filter(|(name, _)| {
+        let own = logs.iter().map(name).filter(|name| {
             name.contains(&format!("__{craft}_")) && (!only_normal || name.contains("normal_flight"))
         });
-        for (day, (name, path)) in own.enumerate() {
-            std::fs::copy(path, folder.join(format!("2026-03-{:02}_{name}", day + 1))).unwrap();
-        }
+        flown_a_day_each(&root.join("fleet").join(craft), data, own);
     }
 }
 
@@ -176,16 +180,14 @@ fn a_pass_that_is_killed_loses_nothing() {
     assert_eq!(after(&killed), after(&whole));
 }
 
-/// Flights of a real craft, a day each, in this order.
-fn crazypad(root: &Path, craft: &str, logs: &[&str]) -> serde_json::Value {
+/// What is said of a real craft that flew these logs, two legs each.
+fn crazypad(data: &Path, craft: &str, logs: &[&str]) -> serde_json::Value {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::copy(root.join("vehicle.toml"), folder.path().join("vehicle.toml")).unwrap();
-    let legs = logs.iter().flat_map(|log| [1, 2].map(|leg| format!("{log}_leg{leg}.csv")));
-    for (day, log) in legs.enumerate() {
+    let legs = logs.iter().flat_map(|log| {
         let (what, number) = log.split_once(' ').unwrap();
-        let from = root.join(format!("motor__{what}__{craft}_{number}"));
-        std::fs::copy(from, folder.path().join(format!("2025-03-{:02}_{what}.csv", day + 1))).unwrap();
-    }
+        [1, 2].map(|leg| format!("motor__{what}__{craft}_{number}_leg{leg}.csv"))
+    });
+    flown_a_day_each(folder.path(), data, legs);
     json_in(folder.path(), &["fleet", ".", "--no-causes"])["crafts"][0].clone()
 }
 
@@ -204,7 +206,7 @@ fn changes_of_real_craft_are_found_at_their_flight() {
         let answer = after(craft, &[changed]);
         let [event] = &answer["changes"].as_array().unwrap()[..] else { panic!("{changed}: {answer:#}") };
         let flight = event["from"]["flight"].as_str().unwrap();
-        assert!(flight.contains("2025-03-09"), "{changed}: {flight}");
+        assert!(flight.contains("2026-03-09"), "{changed}: {flight}");
         let moved = event["moved"].as_array().unwrap();
         for motor in motors {
             let share = format!("share of motor {motor} in the mean command");

@@ -202,6 +202,7 @@ impl Flown {
         };
         let mut all = every([-1, 3], 2, &[About::Point], &grid(2, [-1, 3], 2));
         all.extend(every([-1, 5], 4, &[About::Axis, About::Around], &[0.0]));
+        // The last place in a span is half of it from its middle, the first one beyond three quarters or more.
         let is_beyond = |center: &Center, axis: usize| {
             let span = spans[axis];
             let from_middle = center.place_ned_m[axis] - 0.5 * (span.low + span.high);

@@ -62,9 +62,7 @@ impl Channel {
             model::AXES.into_iter().filter(|axis| axis.is_force() || has_rotation).map(Self::Body).collect();
         all.extend([Self::Earth(0), Self::Earth(1), Self::Earth(2), Self::Thrust]);
         all.extend([Self::Drag, Self::HorizontalDrag]);
-        if has_rotation {
-            all.push(Self::TiltDamping);
-        }
+        all.extend(has_rotation.then_some(Self::TiltDamping));
         if has_rotation && model.vehicle.has_rotor_map() {
             let levers = levers(model);
             all.extend(levers.into_iter().enumerate().map(|(k, lever)| Self::Rotor(k, lever)));
@@ -224,9 +222,11 @@ impl Channel {
                 directions.map(|(axis, part)| row(axis, &format!("{part} * "), per_mass)).collect()
             }
             Self::Thrust => vec![row("w", "-thrust * ", "")],
-            Self::Drag => ["u", "v", "w"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
-            Self::HorizontalDrag => ["u", "v"].map(|axis| row(axis, &format!("-{axis} * "), per_mass)).into(),
-            Self::TiltDamping => ["p", "q"].map(|axis| row(axis, &format!("-{axis} * "), "")).into(),
+            // Each acts against a motion, on the axis of that.
+            Self::Drag | Self::HorizontalDrag | Self::TiltDamping => {
+                let after = if self == Self::TiltDamping { "" } else { per_mass };
+                self.quantities().iter().map(|axis| row(axis, &format!("-{axis} * "), after)).collect()
+            }
             Self::Rotor(k, _) | Self::RotorApart(k, _) => {
                 let [mut force, roll, pitch] = rows_of_rotor(k);
                 force.amplitude = self.amplitudes() - 1;

@@ -28,7 +28,7 @@ pub(crate) struct Options {
     to: To,
 
     /// Gains file, for --to c only, for example: --gains gains.toml
-    #[arg(long, value_name = "TOML", required_if_eq_any([("to", "c"), ("to", "simulink")]))]
+    #[arg(long, value_name = "TOML")]
     gains: Option<PathBuf>,
 
     /// For design tools only: equilibrium to linearise about, "hover" or a trim file with the motion to hold, as for linearize
@@ -94,6 +94,11 @@ struct NoEquilibrium(PathBuf);
 #[error("--gains {}: applies to --to c only; leave it out", .0.display())]
 struct NoGains(PathBuf);
 
+/// No gains for a tool that gets these.
+#[derive(Debug, thiserror::Error)]
+#[error("--to c (simulink) needs --gains; give the gains file, for example: --gains gains.toml")]
+struct GainsMissing;
+
 /// What to do with the header.
 const FOR_C: &str = "include it beside quadlab_law.h of firmware/law-c, and link with libquadlab_law.a (cargo build --release --package law-c)";
 
@@ -143,8 +148,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 
 /// Writes gains, which have to belong to the model, as a header.
 fn run_gains(options: &Options) -> anyhow::Result<Outcome> {
-    // The parser has asked for it.
-    let Some(path) = &options.gains else { return Ok(Outcome::done(String::new())) };
+    let Some(path) = &options.gains else { return Err(GainsMissing.into()) };
     options.output.check([&options.out], &[&options.model, path])?;
     let gains = design::gains_match::read_for(path, &Model::read_to_linearize(&options.model)?)?;
     let model = Model::read(&options.model)?;
