@@ -129,8 +129,8 @@ fn summary(
             let shift = percent(*shift);
             (format!("{shift} % of the shift in the rotors' steady balance is explained,"), rivals.as_slice())
         }
-        Reason::Changed { rivals, .. } => (rms_fall(*change, finding), rivals.as_slice()),
-        _ => (rms_fall(*change, finding), &[][..]),
+        Reason::Changed { rivals, .. } => (rms_fall(finding), rivals.as_slice()),
+        _ => (rms_fall(finding), &[][..]),
     };
     let rivals = match rivals.is_empty() {
         true => String::new(),
@@ -143,9 +143,9 @@ fn summary(
     )
 }
 
-fn rms_fall(change: Change, finding: &EffectFinding) -> String {
+fn rms_fall(finding: &EffectFinding) -> String {
     let fall = percent(finding.rms_fall_percent());
-    format!("the {} falls by {fall} %", rms_of(change.effect.info().axes))
+    format!("the {} falls by {fall} %", rms_of(finding.judged_axes()))
 }
 
 /// Nothing is a claim: it says what would have been seen.

@@ -8,12 +8,11 @@ use serde::Serialize;
 
 use crate::balance;
 use crate::change::Change;
-use crate::changes::{Examined, changed, examine};
+use crate::changes::{Examined, examine};
 use crate::evidence::{
     CoefficientEvidence, Criterion, FlightDrop, WhyError, coefficients, criteria, flights,
 };
 use crate::finding::{Diagnosis, EffectFinding};
-use crate::observer::Observer;
 use crate::options::Options;
 use crate::reason::joined;
 use sysid::prepare::Prepared;
@@ -70,22 +69,14 @@ pub struct WhyChanged {
     pub to_see_it: &'static str,
 }
 
-/// Examines the changes that `effect` can be; `observer` hears of every change that is tried, and may stop it.
+/// Examines the changes that `effect` can be, beside what a diagnosis of the same flights says.
 pub fn why_changed(
     model: &Model,
-    effect: Effect,
+    (effect, diagnosis): (Effect, Diagnosis),
     flown: &[&Prepared],
     options: &Options,
-    observer: &dyn Observer,
 ) -> Result<WhyChanged, WhyError> {
-    let changes = options.changes_with(effect, model);
-    let asked: Vec<Change> = changes.iter().copied().filter(|change| change.effect == effect).collect();
-    if asked.is_empty() {
-        let mut tried: Vec<Effect> = changes.iter().map(|change| change.effect).collect();
-        tried.dedup();
-        return Err(WhyError::NoChange { effect, tried: joined(&tried, ", ") });
-    }
-    let diagnosis = changed(model, &changes, flown, observer)?;
+    let (changes, asked) = changes_of(model, effect, options)?;
     let balance = balance::answer(model, flown, &changes);
     let evidence = |change: &Change| {
         let of_balance =
@@ -101,6 +92,22 @@ pub fn why_changed(
         diagnosis: diagnosis.summary,
         to_see_it: effect.info().excitation,
     })
+}
+
+/// The changes that are tried, and those of them that `effect` can be, of which there is one at least.
+pub(crate) fn changes_of(
+    model: &Model,
+    effect: Effect,
+    options: &Options,
+) -> Result<(Vec<Change>, Vec<Change>), WhyError> {
+    let changes = options.changes_with(effect, model);
+    let asked: Vec<Change> = changes.iter().copied().filter(|change| change.effect == effect).collect();
+    if asked.is_empty() {
+        let mut tried: Vec<Effect> = changes.iter().map(|change| change.effect).collect();
+        tried.dedup();
+        return Err(WhyError::NoChange { effect, tried: joined(&tried, ", ") });
+    }
+    Ok((changes, asked))
 }
 
 fn of_change(

@@ -19,7 +19,7 @@ use crate::change_scatter::Scattered;
 use crate::change_structure::structure_left;
 use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, rank_of_change, weigh};
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Unexplained};
-use crate::held_out::take_gain;
+use crate::held_out::{judged_axes, take_gain};
 use crate::observer::Observer;
 use crate::onset::onset;
 use crate::reason::{Dependence, Reason};
@@ -115,7 +115,7 @@ fn mark_rivals(
     finding.confounded_with = rivals.iter().map(|rival| rival.effect).collect();
     finding.confounded_with.sort_unstable_by_key(|effect| effect.id());
     finding.confounded_with.dedup();
-    let axes = best.effect.info().axes;
+    let axes = finding.judged_axes();
     finding.reason = Reason::Changed { axes, percent: finding.drop_percent, rivals };
     Ok(Some(with_best))
 }
@@ -214,7 +214,8 @@ fn cross_validate(
             residuals(flights[left_out], other.as_ref().map_or(&fitted.model, |o| &o.model))
         })
         .collect();
-    take_gain(finding, &fitted.sigma, flights, (&before, &after));
+    let judged = (judged_axes(change.effect, model), &fitted.sigma);
+    take_gain(finding, judged, flights, (&before, &after));
     [before, after]
 }
 

@@ -174,7 +174,7 @@ fn no_finding(finding: &EffectFinding) -> String {
     format!(
         "With {}, the held-out {} falls by {} %, but what it acts on is not identified even so: this is no finding yet.",
         finding.effect,
-        rms_of(finding.effect.info().axes),
+        rms_of(finding.judged_axes()),
         percent(finding.rms_fall_percent())
     )
 }
@@ -190,7 +190,7 @@ fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
          {also}",
         best.effect,
         best.effect.info().sentence,
-        rms_of(best.effect.info().axes),
+        rms_of(best.judged_axes()),
         percent(best.rms_fall_percent()),
         p_equation(best.p_value)
     )

@@ -259,7 +259,7 @@ pub(crate) fn weigh(evidence: &Evidence<'_>) -> (bool, Reason) {
     }
     let percent = evidence.finding.drop_percent;
     let [improved, flights] = evidence.finding.flights_improved;
-    let axes = evidence.effect().info().axes;
+    let axes = evidence.finding.judged_axes();
     let reason = match evidence.asked {
         Asked::Missing => Reason::ErrorFalls { axes, percent, improved, flights },
         Asked::Changed => Reason::Changed { axes, percent, rivals: Vec::new() },

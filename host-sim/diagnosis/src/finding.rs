@@ -127,7 +127,16 @@ impl EffectFinding {
         self.reason = reason;
     }
 
-    /// Held-out fall of the root mean square error over the axes it acts on, each weighed by its noise, percent.
+    /// The axes that its evidence is taken on: of those that it acts on, the ones that the model speaks of.
+    pub(crate) fn judged_axes(&self) -> &'static [Axis] {
+        let all = self.effect.info().axes;
+        match all.iter().take_while(|axis| self.axes.contains_key(axis.name())).count() {
+            0 => all,
+            judged => &all[..judged],
+        }
+    }
+
+    /// Held-out fall of the root mean square error over the axes it is judged on, each weighed by its noise, percent.
     pub fn rms_fall_percent(&self) -> f64 {
         rms_fall_percent(self.drop_percent)
     }

@@ -4,7 +4,7 @@ use model::{Axis, AxisError, Effect, Model, PerAxis};
 use sysid::fit::{check_residuals, slung_load};
 use sysid::prepare::Prepared;
 use sysid::statistics::Blocks;
-use sysid::{Fit, FitError, Residuals, errors, residuals};
+use sysid::{Fit, FitError, Residuals, errors, has_rotation, residuals};
 
 use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
@@ -54,7 +54,8 @@ pub(crate) fn examine(
         .collect();
     finding.swings = swings(&with.fit.model, effect, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
-    take_gain(&mut finding, &with.fit.sigma, validate, (&without.held_out, &with.held_out));
+    let judged = (judged_axes(effect, &with.fit.model), &with.fit.sigma);
+    take_gain(&mut finding, judged, validate, (&without.held_out, &with.held_out));
     (finding.supported, finding.reason) = weigh(&Evidence::missing(&finding, &with.fit.model));
     finding
 }
@@ -70,15 +71,24 @@ fn swings(model: &Model, effect: Effect, flights: &[&Prepared]) -> Option<f64> {
     Some(longest_s / carried.swing_s())
 }
 
+/// The axes that the evidence for an effect is taken on: those that it acts on. A model of forces alone predicts nothing of the
+/// rotation, and what it leaves there would hide what the effect takes of the forces; only an effect of moments is asked for those.
+pub(crate) fn judged_axes(effect: Effect, model: &Model) -> &'static [Axis] {
+    let axes = effect.info().axes;
+    match axes.iter().take_while(|axis| axis.is_force()).count() {
+        forces if forces > 0 && !has_rotation(model) => &axes[..forces],
+        _ => axes,
+    }
+}
+
 /// Writes into a finding by how much the squared error of `flights` falls from the residuals `before` to those `after`,
-/// over the axes that the effect acts on, each in units of the noise variance `sigma` squared.
+/// over the `axes` that it is judged on, each in units of the noise variance `sigma` squared.
 pub(crate) fn take_gain(
     finding: &mut EffectFinding,
-    sigma: &[f64; 6],
+    (axes, sigma): (&[Axis], &[f64; 6]),
     flights: &[&Prepared],
     (before, after): (&[Residuals], &[Residuals]),
 ) {
-    let axes = finding.effect.info().axes;
     let mut blocks = Blocks::default();
     let (mut fall, mut total) = (0.0, 0.0);
     for ((flight, a), b) in flights.iter().zip(before).zip(after) {
@@ -183,6 +193,40 @@ mod tests {
         let expected = 100.0 * 1.2_f64.ln() / (2.0_f64.ln() - 0.9_f64.ln());
         assert!((harm_percent(&finding, &[(Axis::W, 20.0)]) - expected).abs() < 1e-9);
         assert_eq!(harm_percent(&finding, &[]), 0.0);
+    }
+
+    /// A battery acts on thrust and moments: where no moment is predicted, what is left of p, q and r is none of its doing.
+    #[test]
+    fn a_model_of_forces_alone_judges_effects_by_their_forces() {
+        let whole = truth();
+        let mut forces = truth();
+        forces.terms.retain(|term| term.effect != Effect::RotorMoments);
+        assert_eq!(judged_axes(Effect::BatteryVoltage, &whole), [Axis::W, Axis::P, Axis::Q, Axis::R]);
+        assert_eq!(judged_axes(Effect::BatteryVoltage, &forces), [Axis::W]);
+        let moments = [Axis::P, Axis::Q, Axis::R];
+        assert_eq!(judged_axes(Effect::AngularDamping, &forces), moments);
+        for effect in Effect::all() {
+            let axes = effect.info().axes;
+            assert!(axes.is_sorted_by_key(|axis| axis.index()), "{effect}: {axes:?}");
+        }
+    }
+
+    /// Of twice the noise in w and as much in p, the whole of w is taken away.
+    #[test]
+    fn what_is_not_predicted_does_not_hide_what_an_effect_takes_away() {
+        let flights = prepared(&truth(), 30..31, 4.0, &ORDINARY);
+        let left = |w: f64| {
+            let all = [0.0, 0.0, w, 2.0, 0.0, 0.0].map(|value| vec![value; flights[0].rows()]);
+            [Residuals { residual: all, ..residuals(&flights[0], &truth()) }]
+        };
+        let fall = |axes: &[Axis]| {
+            let mut finding = EffectFinding::unsupported(Effect::BatteryVoltage, 1, Reason::LikeChance);
+            take_gain(&mut finding, (axes, &[1.0; 6]), &[&flights[0]], (&left(2.0), &left(0.0)));
+            assert_eq!(finding.judged_axes(), axes);
+            finding.drop_percent
+        };
+        assert!((fall(&[Axis::W]) - 100.0).abs() < 1e-9);
+        assert!((fall(&[Axis::W, Axis::P]) - 50.0).abs() < 1e-9);
     }
 
     /// A cable of 0.5 m swings 7.05 times in ten seconds.

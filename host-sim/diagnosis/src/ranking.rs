@@ -6,7 +6,7 @@ use sysid::{FitError, errors, statistics};
 
 use crate::criteria::{Evidence, SIGNIFICANCE, TIE, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, supported};
-use crate::held_out::{Validated, examine};
+use crate::held_out::{Validated, examine, judged_axes};
 use crate::reason::Reason;
 use crate::search::{CONTENDER, Chosen, PENALTY, Search};
 use crate::search_error::{SearchError, Steps};
@@ -144,7 +144,8 @@ fn by_itself(search: &Search<'_>, index: usize) -> EffectFinding {
     let info = effect.info();
     let not_excited = Reason::NotExcited { excitation: info.excitation };
     let mut finding = EffectFinding::unsupported(effect, search.validate.len(), not_excited);
-    let Some(single) = search.screen.single(index, &search.base.fit.sigma) else { return finding };
+    let axes = judged_axes(effect, &search.base.fit.model);
+    let Some(single) = search.screen.single(index, (axes, &search.base.fit.sigma)) else { return finding };
     finding.coefficients = info
         .coefficients
         .iter()
@@ -155,7 +156,7 @@ fn by_itself(search: &Search<'_>, index: usize) -> EffectFinding {
         })
         .collect();
     let before = errors(&search.base.held_out);
-    for &axis in info.axes {
+    for &axis in axes {
         let sse = before[axis].sse;
         finding.axes.insert(axis.name(), AxisDrop::new(sse, sse * single.ratio[axis.index()]));
     }

@@ -11,7 +11,7 @@
 
 use std::ops::Range;
 
-use model::{Effect, Kind, Model};
+use model::{Axis, Effect, Kind, Model};
 use nalgebra::{DMatrix, DVector};
 
 use crate::columns::rows_about;
@@ -44,7 +44,7 @@ pub(crate) struct Single {
     pub(crate) covariance: DMatrix<f64>,
     /// Held-out sum of squares of each axis with it over that without.
     pub(crate) ratio: [f64; 6],
-    /// Weighted over the effect's axes, percent.
+    /// Weighted over the axes that the effect is judged on, percent.
     pub(crate) drop_percent: f64,
     /// Held-out flights on which the weighted error falls.
     pub(crate) flights_improved: usize,
@@ -164,7 +164,7 @@ impl Screen {
     }
 
     /// A candidate by itself.
-    pub(crate) fn single(&self, candidate: usize, sigma: &[f64; 6]) -> Option<Single> {
+    pub(crate) fn single(&self, candidate: usize, (axes, sigma): (&[Axis], &[f64; 6])) -> Option<Single> {
         let columns = self.excited(candidate);
         if columns.is_empty() {
             return None;
@@ -179,7 +179,7 @@ impl Screen {
                 (Some(i), Some(j)) => some_covariance[(i, j)],
                 _ => 0.0,
             });
-        let effect = self.candidates[candidate];
+        let is_judged = |axis: usize| axes.iter().any(|judged| judged.index() == axis);
         let mut ratio = [1.0; 6];
         let (mut before_all, mut fall, mut gain) = (0.0, 0.0, 0.0);
         let mut by_flight = vec![0.0; self.flights.len()];
@@ -189,7 +189,7 @@ impl Screen {
                 let (b, a) = before_and_after(&flight[axis], &all, &values);
                 before += b;
                 after += a;
-                if effect.info().axes.iter().any(|own| own.index() == axis) {
+                if is_judged(axis) {
                     *sum += (b - a) / (sigma[axis] * sigma[axis]);
                 }
             }
@@ -198,7 +198,7 @@ impl Screen {
             }
             ratio[axis] = after / before;
             gain -= 0.5 * self.problem.effective_rows[axis] * ratio[axis].ln();
-            if effect.info().axes.iter().any(|own| own.index() == axis) {
+            if is_judged(axis) {
                 let weight = 1.0 / (sigma[axis] * sigma[axis]);
                 before_all += weight * before;
                 fall += weight * (before - after);

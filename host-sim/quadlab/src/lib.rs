@@ -134,7 +134,9 @@ fn usage(error: &clap::Error) -> ExitCode {
 /// A mistake in the words of a command, in one line.
 fn mistake(error: &clap::Error, words: impl Iterator<Item = OsString>) -> String {
     let text = error.to_string();
-    let lines = text.lines().map(str::trim).filter(|line| !line.is_empty());
+    // No value of ours begins with dashes, so to pass one after `--` is no way out.
+    let is_said = |line: &&str| !line.is_empty() && !line.starts_with("tip: to pass");
+    let lines = text.lines().map(str::trim).filter(is_said);
     let said: Vec<&str> =
         lines.take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more")).collect();
     let said = match error.kind() {

@@ -374,6 +374,21 @@ fn bad_usage_is_one_line() {
     ] {
         refused(folder.path(), &arguments, &[help]);
     }
+    // An option that a command does not have is no value for it either.
+    let said = run_in(folder.path(), &["import", "log.ulg", "--html"]).stderr;
+    let said = String::from_utf8_lossy(&said);
+    assert!(said.contains("--html") && !said.contains("tip"), "{said}");
+}
+
+/// A device that is always full, where the system has one.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_behind_standard_output_is_told_as_such() {
+    let full = std::fs::File::options().write(true).open("/dev/full").unwrap();
+    let run = std::process::Command::new(env!("CARGO_BIN_EXE_quadlab")).arg("effects").stdout(full).output();
+    let run = run.unwrap();
+    let said = String::from_utf8(run.stderr).unwrap();
+    assert!(run.status.code() == Some(2) && said.contains("standard output: "), "{said}");
 }
 
 #[test]

@@ -4,13 +4,17 @@ use model::{Effect, Model};
 use sysid::Reference;
 use sysid::checks::vehicle::Likeness;
 
+use crate::change::Change;
+use crate::change_evidence::changes_of;
 use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
+use crate::workflow::own_winds::{WIND, is_better};
 use crate::workflow::sets::FlightsOfOneKind;
 use crate::{Diagnosis, Options, WhyChanged, changes, why_changed};
 
-/// Explains new flights by one change of a model whose coefficients stay.
+/// Explains new flights by one change of a model whose coefficients stay. Where several flights were flown in different winds, each gets
+/// what its own differs from their mean by, and the change is the mean.
 pub fn changed(
     model: &Model,
     effects: &[Effect],
@@ -19,9 +23,31 @@ pub fn changed(
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
     hold_against(model, effects, flights, observer)?;
-    let tried = options.changes(model);
-    changes::changed(model, &tried, &flights.prepared(), observer)
-        .map_err(|why| WorkflowError::of_search(why, names(&flights.flights)))
+    search(model, &options.changes(model), flights, observer)
+}
+
+/// Searches flights whose clocks are set, and leaves them in the winds in which the answer was found.
+fn search(
+    model: &Model,
+    tried: &[Change],
+    flights: &mut FlightsOfOneKind,
+    observer: &dyn Observer,
+) -> Result<Diagnosis, WorkflowError> {
+    let in_winds = |flights: &FlightsOfOneKind| {
+        changes::changed(model, tried, &flights.prepared(), observer)
+            .map_err(|why| WorkflowError::of_search(why, names(&flights.flights)))
+    };
+    let found = in_winds(flights)?;
+    if !tried.contains(&WIND) || !flights.find_own_winds(model) {
+        return Ok(found);
+    }
+    let in_own_winds = in_winds(flights)?;
+    if is_better(&in_own_winds, &found) {
+        flights.tell_own_winds(&in_own_winds);
+        return Ok(in_own_winds);
+    }
+    flights.forget_own_winds();
+    Ok(found)
 }
 
 /// The evidence for and against the changes that one effect can be.
@@ -34,8 +60,10 @@ pub fn changed_why(
     observer: &dyn Observer,
 ) -> Result<WhyChanged, WorkflowError> {
     hold_against(model, effects, flights, observer)?;
-    why_changed(model, effect, &flights.prepared(), options, observer)
-        .map_err(|why| WorkflowError::of_why(why, names(&flights.flights)))
+    let of_why = |why, flights: &FlightsOfOneKind| WorkflowError::of_why(why, names(&flights.flights));
+    let (tried, _) = changes_of(model, effect, options).map_err(|why| of_why(why, flights))?;
+    let diagnosis = search(model, &tried, flights, observer)?;
+    why_changed(model, (effect, diagnosis), &flights.prepared(), options).map_err(|why| of_why(why, flights))
 }
 
 fn hold_against(
@@ -52,10 +80,11 @@ mod tests {
     use std::sync::Mutex;
 
     use super::*;
-    use crate::change::Change;
+    use sysid::FaultKind;
+
     use crate::observer::Progress;
     use crate::testing::{ORDINARY, fly, truth};
-    use crate::workflow::Reading;
+    use crate::workflow::{Reading, Silent};
 
     #[derive(Default)]
     struct Counting(Mutex<Vec<(usize, usize)>>);
@@ -81,5 +110,45 @@ mod tests {
         let count = Change::all(&truth()).len();
         let tried: Vec<(usize, usize)> = (0..count).map(|k| (k, count)).collect();
         assert_eq!(counting.0.into_inner().unwrap(), tried);
+    }
+
+    /// Winds of 6 and 2 m/s from the south: 4 in the mean, and each flight has its own by 2. In one wind of 4 m/s as well, no flight has one
+    /// of its own.
+    #[test]
+    fn each_flight_has_its_own_wind_where_they_differ() {
+        let mut known = truth();
+        let drag = known.terms.iter_mut().find(|term| term.effect == Effect::LinearDrag).unwrap();
+        drag.coefficients.iter_mut().for_each(|c| c.std_error = Some(0.01 * c.value.abs()));
+        for (winds, differ) in [([6.0, 2.0], true), ([4.0, 4.0], false)] {
+            let flights = [0, 1].map(|k: usize| {
+                let mut windy = truth();
+                windy.set(Effect::SteadyWind, &[winds[k], 0.0]);
+                fly(&windy, k as u64 + 1, 12.0, &ORDINARY)
+            });
+            let mut held =
+                FlightsOfOneKind::from_flights(&flights, &known.vehicle, Reading::default(), &Silent)
+                    .unwrap();
+            let diagnosis = changed(&known, &[], &mut held, &Options::default(), &Silent).unwrap();
+            assert_eq!(diagnosis.best(), Some(Effect::SteadyWind), "{}", diagnosis.summary);
+            let north = &diagnosis.effects[0].coefficients[0];
+            assert!((north.value - 4.0).abs() < 0.2, "{winds:?}: {} ± {}", north.value, north.std_error);
+            assert_eq!(held.faults.has(FaultKind::WindBetweenFlights), differ);
+            for (flight, wind) in held.prepared().iter().zip(winds) {
+                let own = if differ { wind - 4.0 } else { 0.0 };
+                assert!((flight.wind_ned_m_s.x - own).abs() < 0.2, "{winds:?}: {}", flight.wind_ned_m_s);
+            }
+        }
+    }
+
+    /// Winds that differ are told from a mass that does not: the flights keep no wind where the craft is heavier and the air calm.
+    #[test]
+    fn flights_in_calm_air_keep_no_wind_of_their_own() {
+        let mut heavy = truth();
+        heavy.set(Effect::MassChange, &[0.15]);
+        let flights = [1, 2].map(|seed| fly(&heavy, seed, 8.0, &ORDINARY));
+        let mut held =
+            FlightsOfOneKind::from_flights(&flights, &heavy.vehicle, Reading::default(), &Silent).unwrap();
+        changed(&truth(), &[], &mut held, &Options::default(), &Silent).unwrap();
+        assert!(held.prepared().iter().all(|flight| flight.wind_ned_m_s.norm() == 0.0));
     }
 }

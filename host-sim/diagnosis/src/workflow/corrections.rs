@@ -203,7 +203,7 @@ pub(crate) fn basic_model(vehicle: &Vehicle) -> Model {
     model
 }
 
-fn prepared(flights: &mut [LoadedFlight]) -> Vec<&mut Prepared> {
+pub(crate) fn prepared(flights: &mut [LoadedFlight]) -> Vec<&mut Prepared> {
     flights.iter_mut().map(|flight| &mut flight.prepared).collect()
 }
 

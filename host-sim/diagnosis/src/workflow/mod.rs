@@ -20,6 +20,7 @@ mod faults;
 mod identify;
 mod loaded;
 mod mends;
+mod own_winds;
 mod record;
 mod refinement;
 mod sets;

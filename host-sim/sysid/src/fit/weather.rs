@@ -35,23 +35,58 @@ pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
     if flights.len() < 2 || flights.iter().any(|flight| !flight.has_position) {
         return false;
     }
-    let Some(model) = with_known_drag(model) else { return false };
-    let winds: Option<Vec<Wind>> = flights.iter().map(|flight| Wind::of(flight, &model)).collect();
-    let Some(winds) = winds else { return false };
-    let count = winds.len() as f64;
-    let mean = winds.iter().map(|wind| wind.value).sum::<Vector2<f64>>() / count;
-    let deviations: Vec<Vector2<f64>> = winds.iter().map(|wind| wind.value - mean).collect();
-    let squares = |(wind, d): (&Wind, &Vector2<f64>)| Some(d.dot(&(wind.covariance.try_inverse()? * d)));
-    let Some(squares) = winds.iter().zip(&deviations).map(squares).sum::<Option<f64>>() else { return false };
-    let spread_m_s = (deviations.iter().map(Vector2::norm_squared).sum::<f64>() / count).sqrt();
-    let p_value = squares_p_value(squares, 2 * (winds.len() - 1), INDEPENDENT * count);
-    if p_value > DIFFERENT || spread_m_s < LEAST_M_S {
+    let Some(model) = with_known_drag(model, model) else { return false };
+    let Some(winds) = winds(flights, &model).filter(|winds| winds.differ()) else { return false };
+    give(flights, winds.0.iter().map(|wind| wind.value));
+    true
+}
+
+/// Gives each of the flights what its wind differs from the mean of all by, about `model`, which has that mean or none. The axes along
+/// which drag is known are those of `known`, the model of other flights that they are held against. Whether they differ; where they
+/// do not, no flight has a wind of its own.
+pub fn estimate_about_mean(flights: &mut [&mut Prepared], model: &Model, known: &Model) -> bool {
+    clear(flights);
+    if flights.len() < 2 || flights.iter().any(|flight| !flight.has_position) {
         return false;
     }
-    for (flight, wind) in flights.iter_mut().zip(winds) {
-        flight.wind_ned_m_s = Vector3::new(wind.value.x, wind.value.y, 0.0);
-    }
+    let Some(model) = with_known_drag(model, known) else { return false };
+    let Some(winds) = winds(flights, &model).filter(|winds| winds.differ()) else { return false };
+    let mean = winds.mean();
+    give(flights, winds.0.iter().map(|wind| wind.value - mean));
     true
+}
+
+fn give(flights: &mut [&mut Prepared], winds: impl Iterator<Item = Vector2<f64>>) {
+    for (flight, wind) in flights.iter_mut().zip(winds) {
+        flight.wind_ned_m_s = Vector3::new(wind.x, wind.y, 0.0);
+    }
+}
+
+/// The winds of flights that have none of their own yet; nothing where a flight does not determine it.
+fn winds(flights: &[&mut Prepared], model: &Model) -> Option<Winds> {
+    flights.iter().map(|flight| Wind::of(flight, model)).collect::<Option<_>>().map(Winds)
+}
+
+/// The winds of several flights.
+struct Winds(Vec<Wind>);
+
+impl Winds {
+    fn mean(&self) -> Vector2<f64> {
+        self.0.iter().map(|wind| wind.value).sum::<Vector2<f64>>() / self.0.len() as f64
+    }
+
+    /// Whether they differ, by more than chance and by more than a trim.
+    fn differ(&self) -> bool {
+        let (mean, count) = (self.mean(), self.0.len() as f64);
+        let deviations: Vec<Vector2<f64>> = self.0.iter().map(|wind| wind.value - mean).collect();
+        let squares = |(wind, d): (&Wind, &Vector2<f64>)| Some(d.dot(&(wind.covariance.try_inverse()? * d)));
+        let Some(squares) = self.0.iter().zip(&deviations).map(squares).sum::<Option<f64>>() else {
+            return false;
+        };
+        let spread_m_s = (deviations.iter().map(Vector2::norm_squared).sum::<f64>() / count).sqrt();
+        let p_value = squares_p_value(squares, 2 * (self.0.len() - 1), INDEPENDENT * count);
+        p_value <= DIFFERENT && spread_m_s >= LEAST_M_S
+    }
 }
 
 /// Takes the flights' own winds from them.
@@ -114,13 +149,14 @@ impl Terms for Pushed {
     }
 }
 
-/// A model with a drag that a push tells a wind by. Along an axis on which the flights do not show it, it is taken to be as along
-/// the other; nothing where they show it on neither.
-fn with_known_drag(model: &Model) -> Option<Model> {
-    let drag = model.term(Effect::LinearDrag)?;
+/// A model with a drag that a push tells a wind by. Along an axis on which the flights of the model `known` do not show it, it is taken
+/// to be as along the other; nothing where they show it on neither.
+fn with_known_drag(model: &Model, known: &Model) -> Option<Model> {
+    let (drag, shown) = (model.term(Effect::LinearDrag)?, known.term(Effect::LinearDrag)?);
     let known = |axis: usize| {
-        let c = drag.coefficients[axis];
-        c.std_error.is_some_and(|error| -c.value > DETERMINED * error).then_some(c)
+        let c = shown.coefficients[axis];
+        let is_known = c.std_error.is_some_and(|error| -c.value > DETERMINED * error);
+        is_known.then_some(drag.coefficients[axis])
     };
     let along = [known(0), known(1)];
     let mut model = model.clone();
@@ -241,5 +277,18 @@ mod tests {
         assert_eq!(alike[0].wind_ned_m_s, Vector3::zeros());
         assert!(!estimated(&mut flown(&[1.0, -1.0]), &truth()));
         assert!(!estimated(&mut flown(&[1.0]), &known()));
+    }
+
+    /// Winds of -4 and 2 m/s: about the mean of -1, each has what it differs from that by.
+    #[test]
+    fn about_their_mean_flights_have_what_they_differ_by() {
+        let mut flights = flown(&[-4.0, 2.0]);
+        let mut about = known();
+        about.set(Effect::SteadyWind, &[-1.0, 0.3]);
+        assert!(estimate_about_mean(&mut flights.iter_mut().collect::<Vec<_>>(), &about, &known()));
+        for (flight, expected) in flights.iter().zip([-3.0, 3.0]) {
+            let wind = flight.wind_ned_m_s;
+            assert!((wind.x - expected).abs() < 0.1 && wind.y.abs() < 0.1, "{wind}");
+        }
     }
 }
