@@ -40,6 +40,7 @@ use crate::safety::hover_thrust::HoverThrust;
 use crate::safety::limits::Limits;
 use crate::safety::plausibility::tilt_bound;
 use crate::safety::preflight::Preflight;
+use crate::safety::standing::Standing;
 use crate::safety::state_machine::{State, next};
 use crate::safety::touchdown::Touchdown;
 
@@ -94,6 +95,7 @@ pub struct Autopilot {
     carried_rad: Option<[f32; 3]>,
     anchor: Anchor,
     touchdown: Touchdown,
+    standing: Standing,
     hover: HoverThrust,
     flight: Flight,
 }
@@ -125,6 +127,7 @@ impl Autopilot {
         Ok(Self {
             controller,
             touchdown: Touchdown::new(&limits.touchdown),
+            standing: Standing::NOT,
             hover: HoverThrust::of_the_law(&limits.hover),
             limits,
             descent: Descent {
@@ -214,13 +217,14 @@ impl Autopilot {
             preflight = self.attend(readings, commanded, attitude_rad, elapsed_us, &mut conditions);
         }
         let state = next(self.state, conditions);
+        let stands = self.standing.found;
         let command;
         let guided = if state == State::Flying && self.state == State::Flying {
-            Guided { mode: self.mode, cut_off: self.idle_wanted, lands: false, command: pilot }
+            Guided { mode: self.mode, cut_off: self.idle_wanted, lands: false, stands, command: pilot }
         } else {
             command = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
             let Command { mode, cut_off, .. } = command;
-            Guided { mode, cut_off, lands: state == State::Land, command: Some(&command) }
+            Guided { mode, cut_off, lands: state == State::Land, stands, command: Some(&command) }
         };
         self.controller.tick_into(&measurement, seen, &guided, &mut self.flight.tick);
         self.look_back(readings, seen, attitude_rad, elapsed_us);
@@ -294,6 +298,8 @@ impl Autopilot {
         let seen_rad = [attitude_rad, terms.attitude_error_rad];
         aftermath.motors(refused, tick.pwm, seen_rad, elapsed_us, limits);
         aftermath.turns(seen_rad, rates_rad_s, elapsed_us, limits);
+        // With motors at idle there is no error, so nothing stands.
+        self.standing.step(&self.pose, !self.detectors.pose.late, terms.attitude_error_rad, elapsed_us);
         if seen && !refused && self.detectors.pose_is_new() {
             self.hover.learn(terms.thrust, attitude_rad, terms.z_rate_m_s, &self.limits.hover);
         }
@@ -651,6 +657,25 @@ mod tests {
         let counters = after(|readings| readings.pose_age_us = 200_000).counters();
         assert_eq!(counters, Counters { poses_refused: 1, ..Counters::default() });
         assert_eq!(after(|readings| readings.command = None).counters(), Counters::default());
+    }
+
+    /// Told to roll by 0.1 rad, something holds it level for two seconds: within half of one its
+    /// integrator has come to rest. From its first motion on it integrates again.
+    #[test]
+    fn what_holds_a_craft_winds_nothing_up() {
+        let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+        let rolls = Command { attitude_rad: [0.1, 0.0], ..HOVER.command.unwrap() };
+        let mut integral = |ticks: core::ops::Range<u32>, roll_rad: f32| {
+            flown(&mut autopilot, ticks, |_, readings| {
+                readings.command = Some(rolls);
+                readings.pose.as_mut().unwrap().attitude_rad[0] = roll_rad;
+            });
+            autopilot.flight().tick.terms.roll.i
+        };
+        let [soon, late] = [integral(0..50, 0.0), integral(50..200, 0.0)];
+        assert!(soon > 0.0 && late == soon, "{soon} {late}");
+        let moved = integral(200..202, 0.04);
+        assert!(moved > late, "{moved} {late}");
     }
 
     #[test]

@@ -28,6 +28,9 @@ pub struct Directions {
 }
 
 impl Directions {
+    /// More and less.
+    pub(crate) const BOTH: Self = Self { high: true, low: true };
+
     /// This refusal, seen by a loop whose output enters with a minus.
     pub fn swapped(self) -> Self {
         Self { high: self.low, low: self.high }
@@ -48,6 +51,14 @@ pub struct Refused {
 }
 
 impl Refused {
+    /// All of it, in every direction: nothing that is asked for happens.
+    pub(crate) const ALL: Self = Self {
+        thrust: Directions::BOTH,
+        roll: Directions::BOTH,
+        pitch: Directions::BOTH,
+        yaw: Directions::BOTH,
+    };
+
     /// Was anything refused?
     pub fn any(&self) -> bool {
         *self != Self::default()

@@ -30,7 +30,7 @@
 //! limit of the thrust.
 
 use crate::allocation::desaturation::Desaturated;
-use crate::allocation::mixer::{Mixer, Refused, rotor_speeds};
+use crate::allocation::mixer::{Directions, Mixer, Refused, rotor_speeds};
 use crate::allocation::motor_map::{CommandRange, MotorMap};
 use crate::config::error::ConfigError;
 use crate::config::gains::{Config, Law, Saturation};
@@ -125,6 +125,9 @@ pub(crate) struct Guided<'a> {
     pub(crate) cut_off: bool,
     /// Heights below the box may be commanded.
     pub(crate) lands: bool,
+    /// The craft stands on something: its integrators stay as they are (with anti-windup), as if the
+    /// motors refused everything.
+    pub(crate) stands: bool,
     /// Absent: the values of the last one are kept.
     pub(crate) command: Option<&'a Command>,
 }
@@ -214,7 +217,7 @@ impl Controller {
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
         let mut outcome = Tick::default();
         let Command { mode, cut_off, .. } = *command;
-        let guided = Guided { mode, cut_off, lands: false, command: Some(command) };
+        let guided = Guided { mode, cut_off, lands: false, stands: false, command: Some(command) };
         self.tick_into(measurement, false, &guided, &mut outcome);
         outcome
     }
@@ -232,7 +235,7 @@ impl Controller {
         outcome: &mut Tick,
     ) {
         let Self { laws, memory } = self;
-        let Guided { mode, cut_off, lands, command } = *guided;
+        let Guided { mode, cut_off, lands, stands, command } = *guided;
         memory.faults.internal.note(false);
         let wants_gyro = laws.estimator.uses_gyro();
         let all_good = if checked {
@@ -255,8 +258,8 @@ impl Controller {
         if cut_off {
             return idle(laws, memory, Some(&estimates), outcome);
         }
-        let (attitude_command_rad, outer) = outer_loop(laws, memory, mode);
-        let loops = inner_loops(laws, memory, &estimates, attitude_command_rad);
+        let (attitude_command_rad, outer) = outer_loop(laws, memory, mode, stands);
+        let loops = inner_loops(laws, memory, &estimates, attitude_command_rad, stands);
         let motors = allocate(laws, memory, &loops, estimates.battery_v);
         let inputs = &memory.inputs;
         outcome.terms = Terms {
@@ -314,7 +317,7 @@ fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool) -> Estimates {
 
 /// Step 3: roll, pitch and yaw commands in rad.
 #[inline]
-fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode) -> ([f32; 3], Option<OuterTerms>) {
+fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode, stands: bool) -> ([f32; 3], Option<OuterTerms>) {
     let inputs = &memory.inputs;
     match mode {
         Mode::Attitude => {
@@ -325,7 +328,9 @@ fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode) -> ([f32; 3], Option
         Mode::Position => {
             let ([x, y, _], [_, _, yaw]) = (inputs.position_m, inputs.attitude_rad);
             let state = memory.position.get_or_insert_with(|| laws.position.start([x, y]));
-            let ([roll, pitch], outer) = laws.position.step(state, inputs.position_command_m, [x, y], yaw);
+            let refused = if stands { Directions::BOTH } else { Directions::default() };
+            let ([roll, pitch], outer) =
+                laws.position.step(state, inputs.position_command_m, [x, y], yaw, refused);
             ([roll, pitch, inputs.yaw_command_rad], Some(outer))
         }
     }
@@ -349,7 +354,13 @@ impl InnerOutput {
 
 /// Steps 4 to 6: thrust and angular accelerations.
 #[inline]
-fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands: [f32; 3]) -> InnerOutput {
+fn inner_loops(
+    laws: &Laws,
+    memory: &mut Memory,
+    estimates: &Estimates,
+    commands: [f32; 3],
+    stands: bool,
+) -> InnerOutput {
     let HeldInputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } =
         memory.inputs;
     let ([roll_command, pitch_command, yaw_command], [p, q, r]) = (commands, estimates.body_rates_rad_s);
@@ -361,7 +372,7 @@ fn inner_loops(laws: &Laws, memory: &mut Memory, estimates: &Estimates, commands
         refused: Refused::default(),
         tilt_fraction: 1.0,
     });
-    let refused = state.refused;
+    let refused = if stands { Refused::ALL } else { state.refused };
     let (roll_command, pitch_command) =
         (state.tilt_fraction * roll_command, state.tilt_fraction * pitch_command);
     let roll = laws.roll.step_tilt(&mut state.roll, roll_command, phi, p, refused.roll);
@@ -647,6 +658,38 @@ mod tests {
             let high = Measurement { position_m: [0.0, 0.0, -3.0], ..HOVER };
             let back = (0..50).map(|_| controller.tick(&high, &command)).last().unwrap();
             assert!(back.terms.altitude.i > late.terms.altitude.i, "unwinds");
+        }
+    }
+
+    /// Every integral stays as it is while the craft stands on something, and goes on after it; without
+    /// anti-windup it runs.
+    #[test]
+    fn a_craft_that_stands_integrates_nothing() {
+        let off = Measurement { attitude_rad: [0.1, -0.1, 0.1], position_m: [0.2, -0.2, -1.02], ..HOVER };
+        let command = Command { mode: Mode::Position, ..STAY };
+        for anti_windup in [true, false] {
+            let mut controller = Controller::new(&Config { anti_windup, ..Config::thesis() }).unwrap();
+            let mut integrals = |stands: bool| {
+                let mut outcome = Tick::default();
+                let guided = Guided {
+                    mode: command.mode,
+                    cut_off: false,
+                    lands: false,
+                    stands,
+                    command: Some(&command),
+                };
+                controller.tick_into(&off, false, &guided, &mut outcome);
+                let Terms { roll, pitch, yaw, altitude, outer, .. } = outcome.terms;
+                let OuterTerms { x, y, .. } = outer.unwrap();
+                [roll, pitch, yaw, altitude, x, y].map(|terms| terms.i)
+            };
+            let before = (0..10).map(|_| integrals(false)).last().unwrap();
+            let standing = (0..100).map(|_| integrals(true)).last().unwrap();
+            let after = integrals(false);
+            for loop_ in 0..6 {
+                assert_eq!(standing[loop_] == before[loop_], anti_windup, "{loop_}: {standing:?} {before:?}");
+                assert_ne!(after[loop_], standing[loop_], "{loop_}");
+            }
         }
     }
 

@@ -58,13 +58,19 @@ impl Axis {
     }
 
     #[inline]
-    fn step(&self, state: &mut AxisState, command_m: f32, position_m: f32) -> AxisOutput {
+    fn step(
+        &self,
+        state: &mut AxisState,
+        command_m: f32,
+        position_m: f32,
+        refused: Directions,
+    ) -> AxisOutput {
         let reference_m = self.limiter.step(&mut state.reference_m, command_m);
         let velocity_m_s = self.velocity.step(&mut state.velocity, position_m);
         let error_m = reference_m - position_m;
         // What lies behind this loop is the attitude loop, not a limit: only the own limit stops
-        // the integral.
-        let terms = self.pid.step(&mut state.pid, error_m, velocity_m_s, Directions::default());
+        // the integral, or that the craft stands on something.
+        let terms = self.pid.step(&mut state.pid, error_m, velocity_m_s, refused);
         AxisOutput { reference_m, error_m, velocity_m_s, terms }
     }
 }
@@ -94,8 +100,8 @@ impl PositionLaw {
         PositionState { x: self.x.start(x_m), y: self.y.start(y_m) }
     }
 
-    /// One period: command and position in m, yaw in rad. Gives roll and pitch commands in rad, and
-    /// the terms.
+    /// One period: command and position in m, yaw in rad, and what is refused along both axes, in
+    /// both directions or none. Gives roll and pitch commands in rad, and the terms.
     #[inline]
     pub fn step(
         &self,
@@ -103,9 +109,10 @@ impl PositionLaw {
         [command_x, command_y]: [f32; 2],
         [x_m, y_m]: [f32; 2],
         yaw_rad: f32,
+        refused: Directions,
     ) -> ([f32; 2], OuterTerms) {
-        let x = self.x.step(&mut state.x, command_x, x_m);
-        let y = self.y.step(&mut state.y, command_y, y_m);
+        let x = self.x.step(&mut state.x, command_x, x_m, refused);
+        let y = self.y.step(&mut state.y, command_y, y_m, refused);
         let (sine, cosine) = trig::sin_cos(yaw_rad);
         let (ax, ay) = (x.terms.output, y.terms.output);
         let roll = cosine * ay - sine * ax;
@@ -127,6 +134,8 @@ mod tests {
     use crate::config::gains::{Config, Law};
     use core::f32::consts::FRAC_PI_2;
 
+    const FREE: Directions = Directions { high: false, low: false };
+
     fn law() -> PositionLaw {
         let Law::ModelBased(law) = Config::thesis().law else { unreachable!() };
         PositionLaw::new(&law.loops.x, &law.loops.y, GainRule::Matlab, 0.01, true)
@@ -141,7 +150,7 @@ mod tests {
             let mut state = law.start([0.0; 2]);
             let mut out = [0.0; 2];
             for _ in 0..50 {
-                out = law.step(&mut state, command, [0.0; 2], yaw).0;
+                out = law.step(&mut state, command, [0.0; 2], yaw, FREE).0;
             }
             out
         };
@@ -161,7 +170,7 @@ mod tests {
     fn closing_the_loop_away_from_the_origin_asks_for_nothing() {
         let law = law();
         let mut state = law.start([1.5, -0.5]);
-        let (angles, terms) = law.step(&mut state, [1.5, -0.5], [1.5, -0.5], 0.3);
+        let (angles, terms) = law.step(&mut state, [1.5, -0.5], [1.5, -0.5], 0.3, FREE);
         // The velocity filter's memory is -9.5 * 1.5, its direct part +9.5 * 1.5: equal in f32.
         assert_eq!((angles, terms.velocity_m_s), ([0.0; 2].map(|x: f32| x), [0.0; 2]));
     }
@@ -172,7 +181,7 @@ mod tests {
         let mut state = law.start([0.0; 2]);
         let mut out = [0.0; 2];
         for k in 0..200 {
-            out = law.step(&mut state, [0.0; 2], [k as f32 * 0.01, 0.0], 0.0).0;
+            out = law.step(&mut state, [0.0; 2], [k as f32 * 0.01, 0.0], 0.0, FREE).0;
         }
         assert!(out[1] > 0.3 * 1.9, "nose up against forward motion away from the reference: {out:?}");
     }

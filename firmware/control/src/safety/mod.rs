@@ -3,7 +3,7 @@
 //! | file | question |
 //! |---|---|
 //! | [`detectors`] | what is wrong in this tick? ([`aftermath`], [`limits`], [`timers`], [`plausibility`],
-//! | | [`second_opinion`], [`touchdown`] and
+//! | | [`second_opinion`], [`standing`], [`touchdown`] and
 //! | | [`hover_thrust`] help) |
 //! | [`conditions`] | what can be wrong at all? One bit each, for telemetry and logs |
 //! | [`state_machine`] | what does the craft do about it? |
@@ -20,6 +20,7 @@ pub(crate) mod limits;
 pub(crate) mod plausibility;
 pub mod preflight;
 pub(crate) mod second_opinion;
+pub(crate) mod standing;
 pub mod state_machine;
 pub(crate) mod timers;
 pub(crate) mod touchdown;
