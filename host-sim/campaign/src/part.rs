@@ -45,8 +45,13 @@ pub(crate) fn sealed(folder: &Path, shard: u64, shards: u64) -> Option<Seal> {
     serde_json::from_str(&text).ok()
 }
 
-/// Cases that one core flies side by side.
-pub(crate) const TOGETHER: usize = 32;
+/// Most cases that one core flies side by side. The more there are, the fewer lanes are empty at their end.
+const TOGETHER: usize = 128;
+
+/// Cases that each of `cores` flies side by side where there are `count`: so many that each has some.
+pub(crate) fn together(count: usize, cores: usize) -> usize {
+    count.div_ceil(cores.max(1)).clamp(1, TOGETHER)
+}
 
 /// Flies a shard of a plan into a folder, on all cores, unless it is there already; `told` hears how many cases were flown and how many of
 /// these were lost. Whether it was flown now.
@@ -70,12 +75,14 @@ pub fn run_shard(
     }
     let ready = plan.ready(plan_path)?;
     let mut all = Vec::new();
+    let cores = rayon::current_num_threads();
+    let together = together((cases.end - cases.start) as usize, cores);
     // Somebody hears of them when each core has flown some.
-    let at_once = TOGETHER * rayon::current_num_threads().max(2);
+    let at_once = together * cores.max(2);
     for first in cases.clone().step_by(at_once) {
         let some: Vec<u64> = (first..cases.end.min(first + at_once as u64)).collect();
         let flown: Vec<Vec<Flown>> = some
-            .par_chunks(TOGETHER)
+            .par_chunks(together)
             .map(|numbers| ready.flown(numbers))
             .collect::<Result<_, CampaignError>>()?;
         let flown = flown.concat();

@@ -20,7 +20,7 @@ use crate::causes::{Causes, Needed, is_whole};
 use crate::definition::{Normal, Samples, Spread, Unknown, limits};
 use crate::draw::{DELAY, Drawn, Input, parts};
 use crate::error::CampaignError;
-use crate::part::TOGETHER;
+use crate::part::together;
 use crate::plan::{Case, Plan, Ready};
 
 /// Flights that go together.
@@ -220,8 +220,9 @@ impl Plan {
         };
         let fly = |draws: &[u64]| badnesses(ready, case, draws.iter().map(numbers).collect());
         let draws: Vec<u64> = (0..flights).collect();
+        let together = together(draws.len(), rayon::current_num_threads());
         let found: Vec<Vec<f64>> =
-            draws.par_chunks(TOGETHER).map(fly).collect::<Result<_, CampaignError>>()?;
+            draws.par_chunks(together).map(fly).collect::<Result<_, CampaignError>>()?;
         Ok(found.concat())
     }
 }

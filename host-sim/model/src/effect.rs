@@ -156,6 +156,8 @@ pub struct Special {
     pub of_thesis: bool,
     /// Passes in which the angular accelerations that its own columns look at are solved for. One: it looks at none.
     pub passes: usize,
+    /// Adjusting, and takes so long (it divides at each rotor) that craft side by side without it leave it out.
+    pub is_slow: bool,
     /// Adjusting, and yet adds accelerations of its own, which no column shows.
     pub adds_accelerations: bool,
     /// Hangs a load under the craft, whose pendulum no log shows.
@@ -202,6 +204,7 @@ impl Special {
     pub const NOTHING: Self = Self {
         of_thesis: false,
         passes: 1,
+        is_slow: false,
         adds_accelerations: false,
         hangs_load: false,
         starts: Vec::new,

@@ -48,15 +48,22 @@ pub fn wrap_angle(angle_rad: f32) -> f32 {
     if wrapped <= -PI || wrapped > PI { PI } else { wrapped }
 }
 
-/// The square root, rounded as IEEE 754 wants it: the bits of `libm::sqrtf`, in two thirds of its
-/// instructions on a Cortex-M4F (whose own instruction stable Rust without `std` cannot reach).
+/// The square root, rounded as IEEE 754 wants it. Large processors have an instruction for it, which
+/// `libm::sqrtf` takes; on the others the same bits come from Newton's iteration, sooner than from libm.
+#[inline]
+pub fn sqrt(x: f32) -> f32 {
+    if cfg!(any(target_arch = "x86_64", target_arch = "aarch64")) { libm::sqrtf(x) } else { newton_sqrt(x) }
+}
+
+/// The bits of `libm::sqrtf`, in two thirds of its instructions on a Cortex-M4F (whose own instruction
+/// stable Rust without `std` cannot reach).
 ///
 /// Newton's iteration for `1/sqrt(x)` from the well-known guess by the exponent, and one correction
 /// by the exact remainder `x - s^2`, with s cut in two so that every product is exact. All steps
 /// scale exactly with powers of 4, so that the test over all numbers from 1 to 4 covers every
 /// number here; what is far from 1, zero, negative or no number is left to libm.
 #[inline]
-pub fn sqrt(x: f32) -> f32 {
+fn newton_sqrt(x: f32) -> f32 {
     let bits = x.to_bits();
     // 2^-60 to 2^60: no intermediate result underflows.
     if bits.wrapping_sub(0x2180_0000) > 0x3c00_0000 {
@@ -121,7 +128,7 @@ mod tests {
         let every = if cfg!(miri) { 40_009 } else { 1 };
         for bits in (0x3f80_0000..=0x4080_0000_u32).step_by(every) {
             let x = f32::from_bits(bits);
-            assert_eq!(sqrt(x).to_bits(), libm::sqrtf(x).to_bits(), "{x}");
+            assert_eq!(newton_sqrt(x).to_bits(), libm::sqrtf(x).to_bits(), "{x}");
         }
         for bits in (0..=u32::MAX)
             .step_by(if cfg!(miri) { 40_000_003 } else { 4099 })
@@ -129,7 +136,7 @@ mod tests {
             .chain(0x5d80_0000 - 9..0x5d80_0000 + 9)
         {
             let x = f32::from_bits(bits);
-            let (got, want) = (sqrt(x), libm::sqrtf(x));
+            let (got, want) = (newton_sqrt(x), libm::sqrtf(x));
             assert!(got.to_bits() == want.to_bits() || got.is_nan() && want.is_nan(), "{x}: {got} {want}");
         }
     }

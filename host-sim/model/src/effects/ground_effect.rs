@@ -24,7 +24,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     ],
     excitation: "hover at several heights, the lowest within two rotor radii of the floor",
     confused_with: &[("translational-lift", "hover low and high: ground effect needs no airspeed")],
-    special: Special::NOTHING,
+    special: Special { is_slow: true, ..Special::NOTHING },
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -48,6 +48,9 @@ impl Adjusting for Adjustment {
 
     #[inline(always)]
     fn thrust_factor(&self, at: &AtRotor) -> f64 {
+        if !self.changes_thrust() {
+            return 1.0;
+        }
         let radius_m = at.constants.rotor_radius_m;
         // Cheeseman and Bennett give the formula for heights over half a radius; lower, a craft is on its landing gear.
         let height_m = (self.height_offset_m - at.hub_down_m()).max(0.5 * radius_m);

@@ -26,6 +26,11 @@ const fn of_thesis(effect: Effect) -> bool {
     effect.info().special.of_thesis
 }
 
+/// Whether an effect is left out where no craft has it.
+const fn is_slow(effect: Effect) -> bool {
+    effect.info().special.is_slow
+}
+
 /// Whether an effect is summed in stages without a branch.
 const fn is_straight<const OF_THESIS: bool>(effect: Effect) -> bool {
     of_thesis(effect) || !OF_THESIS && effect.info().special.passes == 1
@@ -77,6 +82,12 @@ impl Weights {
     /// Whether there are no other effects than the thesis'.
     pub(crate) fn of_thesis(&self) -> bool {
         self.of_thesis
+    }
+
+    /// Whether there is an adjusting effect that takes long.
+    pub(crate) fn have_slow(&self) -> bool {
+        let acts = |(effect, values): (&Effect, &[f64; WIDEST])| is_slow(*effect) && *values != [0.0; WIDEST];
+        CATALOGUE.iter().zip(&self.coefficients).any(acts)
     }
 
     /// Adds the columns of the effects that `which` picks, times their coefficients.
@@ -171,9 +182,13 @@ impl<const LANES: usize> WeightsAbreast<LANES> {
         }
     }
 
-    /// The coefficients of one effect in one lane, by its place.
+    /// The coefficients of one effect in one lane, by its place; without `SLOW`, of an effect that takes long those of one that is not
+    /// there, which the compiler then leaves out.
     #[inline(always)]
-    pub(crate) fn of(&self, place: usize, lane: usize) -> [f64; WIDEST] {
+    pub(crate) fn of<const SLOW: bool>(&self, place: usize, lane: usize) -> [f64; WIDEST] {
+        if !SLOW && is_slow(CATALOGUE[place]) {
+            return [0.0; WIDEST];
+        }
         std::array::from_fn(|k| self.coefficients[place][k][lane])
     }
 

@@ -29,6 +29,8 @@ pub struct Abreast {
     drive: Box<Drive>,
     holds: [Holds; LANES],
     shape: Shape,
+    /// Whether some craft has an effect that takes long.
+    slow: bool,
 }
 
 /// What does not change in flight.
@@ -78,7 +80,7 @@ impl Abreast {
         };
         let (motion, drive) = (Box::default(), Box::default());
         let (holds, shape) = ([[None; 2]; LANES], Shape::Plain);
-        Self { parameters: Box::new(parameters), motion, drive, holds, shape }
+        Self { parameters: Box::new(parameters), motion, drive, holds, shape, slow: false }
     }
 
     /// Gives a lane to a craft with this plant, in the place of whoever had it. Whether it can be flown there: not with formulas of
@@ -88,6 +90,7 @@ impl Abreast {
             return false;
         }
         self.shape = self.shape.max(plant.shape);
+        self.slow |= plant.weights.have_slow();
         let parameters = &mut *self.parameters;
         parameters.weights.set(lane, &plant.weights);
         put(&mut parameters.constants, lane, &plant.constants.numbers());
@@ -120,10 +123,12 @@ impl Abreast {
 
     /// Advances each craft by what it is commanded, and leaves it without a command.
     pub fn advance(&mut self) {
-        let step: fn(&Parameters, &Drive, &mut Motion) = match self.shape {
-            Shape::Plain => plain,
-            Shape::Adjusted => adjusted,
-            Shape::Linear | Shape::General => linear,
+        let step: fn(&Parameters, &Drive, &mut Motion) = match (self.shape, self.slow) {
+            (Shape::Plain, _) => plain,
+            (Shape::Adjusted, false) => adjusted,
+            (Shape::Adjusted, true) => adjusted_slowly,
+            (Shape::Linear | Shape::General, false) => linear,
+            (Shape::Linear | Shape::General, true) => linear_slowly,
         };
         for number in 0.. {
             let mut any = false;
@@ -175,22 +180,32 @@ fn got<const N: usize>(rows: &[Lane; N], lane: usize) -> [f64; N] {
 
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
 fn plain(parameters: &Parameters, drive: &Drive, motion: &mut Motion) {
-    step::<true, false>(parameters, drive, motion);
+    step::<true, false, false>(parameters, drive, motion);
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
 fn adjusted(parameters: &Parameters, drive: &Drive, motion: &mut Motion) {
-    step::<true, true>(parameters, drive, motion);
+    step::<true, true, false>(parameters, drive, motion);
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+fn adjusted_slowly(parameters: &Parameters, drive: &Drive, motion: &mut Motion) {
+    step::<true, true, true>(parameters, drive, motion);
 }
 
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
 fn linear(parameters: &Parameters, drive: &Drive, motion: &mut Motion) {
-    step::<false, true>(parameters, drive, motion);
+    step::<false, true, false>(parameters, drive, motion);
+}
+
+#[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
+fn linear_slowly(parameters: &Parameters, drive: &Drive, motion: &mut Motion) {
+    step::<false, true, true>(parameters, drive, motion);
 }
 
 /// A step in every lane.
 #[inline(always)]
-fn step<const OF_THESIS: bool, const ADJUSTED: bool>(
+fn step<const OF_THESIS: bool, const ADJUSTED: bool, const SLOW: bool>(
     parameters: &Parameters,
     drive: &Drive,
     motion: &mut Motion,
@@ -211,7 +226,7 @@ fn step<const OF_THESIS: bool, const ADJUSTED: bool>(
             parameters,
             lane,
             constants: Constants::from_numbers(|k| parameters.constants[k][lane], ADJUSTED),
-            adjust: Adjustments::in_flight(|place| parameters.weights.of(place, lane)),
+            adjust: Adjustments::in_flight(|place| parameters.weights.of::<SLOW>(place, lane)),
             rotor_rad_s,
             commanded_rad_s: commanded,
         };

@@ -61,6 +61,7 @@ impl Truth {
     }
 
     /// Cosine of the angle between the body's and the inertial z axis: 1 level, -1 upside down.
+    #[inline]
     pub fn upright(&self) -> f64 {
         let [_, x, y, _] = self.attitude.map(f64::from);
         1.0 - 2.0 * (x * x + y * y)

@@ -1,5 +1,7 @@
 //! Many flights side by side: each as if it was flown by itself, to the bit, but their craft advance together.
 
+use std::cmp::Reverse;
+
 use super::closed_loop::{ClosedLoop, Decided};
 use super::error::SilError;
 use super::plan::FlightPlan;
@@ -24,14 +26,17 @@ pub(crate) fn fly_side_by_side(
     mut see: impl FnMut(usize, &Row) -> bool,
 ) -> Vec<Result<(), SilError>> {
     let mut results: Vec<Result<(), SilError>> = plans.iter().map(|_| Ok(())).collect();
-    let mut waiting = plans.iter().enumerate();
+    // The longest first: at the end few lanes are without a flight, and memory of one flight is enough for the next.
+    let mut order: Vec<usize> = (0..plans.len()).collect();
+    order.sort_by_key(|&number| Reverse(plans[number].ticks()));
+    let mut waiting = order.into_iter();
     let mut team = Team::new();
     let mut lanes: [Option<Aboard>; Team::SIZE] = [const { None }; Team::SIZE];
     loop {
         for (lane, place) in lanes.iter_mut().enumerate() {
             while place.is_none() {
-                let Some((number, plan)) = waiting.next() else { break };
-                match ClosedLoop::in_process(plan) {
+                let Some(number) = waiting.next() else { break };
+                match ClosedLoop::in_process(plans[number]) {
                     Ok(flight) => *place = Some(Aboard::new(number, flight, &mut team, lane)),
                     Err(why) => results[number] = Err(why),
                 }
