@@ -61,6 +61,13 @@ pub(crate) struct Fitted {
     pub(crate) law_error: f64,
 }
 
+impl Fitted {
+    /// Whether the law of what came to light with it is known, as far as these flights tell.
+    pub(crate) fn knows_its_law(&self) -> bool {
+        self.law_error < UNKNOWN_LAW
+    }
+}
+
 /// Fits a change to flights, starting from none, on top of `model`: with what it brings to light, where the flights show that.
 pub(crate) fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
     let alone = fit_alone(model, change, flights)?;

@@ -5,22 +5,21 @@
 //! that is sure of itself and wrong. So what each flight's wind differs from their mean by is given to the flight, and the change is
 //! the mean.
 
-use model::{Effect, Model};
+use model::{Axis, Effect, Model};
+use nalgebra::Vector3;
 use report::number::fixed;
 use sysid::fit::linearise::residuals_at_rows;
 use sysid::fit::weather;
 use sysid::{Fault, FaultKind, Prepared, Severity};
 
 use crate::change::Change;
-use crate::change_fit::fit_change;
+use crate::change_fit::{Fitted, fit_change};
 use crate::criteria::LEFT_BY_OWN_WINDS;
 use crate::finding::{AxisDrop, Diagnosis, EffectFinding};
 use crate::workflow::corrections::prepared;
 use crate::workflow::sets::FlightsOfOneKind;
 
 pub(crate) const WIND: Change = Change { effect: Effect::SteadyWind, motor: None };
-/// Fits of the mean with the drag in it, and of what each flight's wind differs by, by turns.
-const ROUNDS: usize = 3;
 
 impl FlightsOfOneKind {
     /// Gives each flight what its wind differs from their mean by, where they do differ, and where the winds explain most of the horizontal
@@ -36,16 +35,34 @@ impl FlightsOfOneKind {
         found
     }
 
-    /// The model with the mean wind and the drag in it.
+    /// The model with the mean wind and the drag in it. That the winds differ shows best in one drag. How strong each is shows best in
+    /// its own: the same force is a weak wind in one drag and a strong one in another, and all that flights in different winds
+    /// have in common of that is wrong for each of them.
     fn in_own_winds(&mut self, model: &Model) -> Option<Model> {
-        let mut about = fit_change(model, WIND, &self.prepared()).ok()?.model;
-        for _ in 0..ROUNDS {
-            if !weather::estimate_about_mean(&mut prepared(&mut self.flights), &about, model) {
-                return None;
-            }
-            about = fit_change(model, WIND, &self.prepared()).ok()?.model;
+        let about = fit_change(model, WIND, &self.prepared()).ok()?.model;
+        if !weather::estimate_about_mean(&mut prepared(&mut self.flights), &about, model) {
+            return None;
         }
-        Some(about)
+        let in_one_drag: Vec<Vector3<f64>> =
+            self.prepared().iter().map(|flight| flight.wind_ned_m_s).collect();
+        self.forget_own_winds();
+        let deviations = self.deviations_in_own_drag(model).unwrap_or(in_one_drag);
+        for (flight, deviation) in self.flights.iter_mut().zip(deviations) {
+            flight.prepared.wind_ned_m_s = deviation;
+        }
+        Some(fit_change(model, WIND, &self.prepared()).ok()?.model)
+    }
+
+    /// What the wind of each flight, fitted to it alone with the drag in it, differs from the mean by. Nothing where a flight alone does
+    /// not tell the drag.
+    fn deviations_in_own_drag(&self, model: &Model) -> Option<Vec<Vector3<f64>>> {
+        let alone = |flight: &&Prepared| {
+            let fitted = fit_change(model, WIND, &[flight]).ok().filter(Fitted::knows_its_law)?;
+            Some(Vector3::new(fitted.values[0], fitted.values[1], 0.0))
+        };
+        let winds: Vec<Vector3<f64>> = self.prepared().iter().map(alone).collect::<Option<_>>()?;
+        let mean = winds.iter().sum::<Vector3<f64>>() / winds.len() as f64;
+        Some(winds.into_iter().map(|wind| wind - mean).collect())
     }
 
     pub(crate) fn forget_own_winds(&mut self) {
@@ -86,14 +103,14 @@ fn wind_of(diagnosis: &Diagnosis) -> Option<&EffectFinding> {
     diagnosis.effects.iter().find(|finding| finding.effect == WIND.effect)
 }
 
-/// Whether the mean of the flights' own winds is a better answer than what was found in one wind: it is the change then, and leaves far
-/// less of the horizontal forces than another change that was named.
+/// Whether the mean of the flights' own winds is a better answer than what was found in one wind: it is the change then, where one wind
+/// leaves structure in the horizontal forces, or another change was named and leaves far more of them.
 pub(crate) fn is_better(in_own_winds: &Diagnosis, in_one: &Diagnosis) -> bool {
     if in_own_winds.best() != Some(WIND.effect) {
         return false;
     }
     if in_one.best() == Some(WIND.effect) {
-        return true;
+        return in_one.unexplained.iter().any(|left| matches!(left.axis, Axis::U | Axis::V));
     }
     let Some((own, one)) = wind_of(in_own_winds).zip(wind_of(in_one)) else { return false };
     let other = in_one.effects.iter().find(|finding| Some(finding.effect) == in_one.best());

@@ -264,10 +264,10 @@ mod tests {
         let forward = drag.coefficients[0].value;
         (drag.coefficients[1].value, drag.coefficients[1].std_error) =
             (0.1 * forward, Some(0.1 * forward.abs()));
-        let taken = with_known_drag(&model).unwrap();
+        let taken = with_known_drag(&model, &model).unwrap();
         assert_eq!(taken.term(Effect::LinearDrag).unwrap().coefficients[1].value, forward);
         model.terms.retain(|term| term.effect != Effect::LinearDrag);
-        assert!(with_known_drag(&model).is_none());
+        assert!(with_known_drag(&model, &model).is_none());
     }
 
     #[test]
