@@ -2,7 +2,7 @@
 
 use model::{Axis, Effect, GROUPS, Group, Model, NotIdentified};
 use report::number::fixed;
-use sysid::fit::linearise::residuals_at_rows;
+use sysid::fit::linearise::squares_left;
 use sysid::{FaultKind, Prepared};
 
 use crate::conclusion::conclude;
@@ -60,7 +60,7 @@ pub(crate) fn search(
     if sets.has_weather() || (is_explained(&found) && rival.is_none()) {
         return Ok(found);
     }
-    let before = sets.validate().iter().map(|flight| squares_of_forces(flight, model)).collect();
+    let before = sets.validate().iter().map(|flight| squares_left(flight, model)).collect();
     if let Some(windy) = sets.find_weather(model) {
         let is_less = |rival: &Rival| rival.leaves_more_than(before, &windy, &sets.validate());
         let beats_what_was_found = rival.as_ref().is_some_and(is_less);
@@ -113,15 +113,9 @@ impl Rival {
     /// Whether winds of the flights' own leave far less; `before` are the squares of each flight without them.
     fn leaves_more_than(&self, before: Vec<[f64; 6]>, windy: &Model, flights: &[&Prepared]) -> bool {
         let along = |squares: &[f64; 6]| self.axes.iter().map(|axis| squares[axis.index()]).sum::<f64>();
-        let after = flights.iter().map(|flight| along(&squares_of_forces(flight, windy))).sum::<f64>();
+        let after = flights.iter().map(|flight| along(&squares_left(flight, windy))).sum::<f64>();
         after < LEFT_BY_OWN_WINDS * self.left * before.iter().map(along).sum::<f64>()
     }
-}
-
-/// Sums of squares of what a model leaves of a flight.
-fn squares_of_forces(flight: &Prepared, model: &Model) -> [f64; 6] {
-    let left = residuals_at_rows(flight, model, flight.fit_stride()).residual;
-    left.each_ref().map(|axis| axis.iter().map(|r| r * r).sum())
 }
 
 fn search_in_one_wind(

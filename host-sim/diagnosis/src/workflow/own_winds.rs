@@ -8,7 +8,7 @@
 use model::{Axis, Effect, Model};
 use nalgebra::Vector3;
 use report::number::fixed;
-use sysid::fit::linearise::residuals_at_rows;
+use sysid::fit::linearise::squares_left;
 use sysid::fit::weather;
 use sysid::{Fault, FaultKind, Prepared, Severity};
 
@@ -91,10 +91,7 @@ impl FlightsOfOneKind {
     }
 
     fn squares_of_horizontal_forces(&self, model: &Model) -> f64 {
-        let of = |flight: &&Prepared| {
-            let left = residuals_at_rows(flight, model, flight.fit_stride()).residual;
-            left[..2].iter().flatten().map(|r| r * r).sum::<f64>()
-        };
+        let of = |flight: &&Prepared| squares_left(flight, model)[..2].iter().sum::<f64>();
         self.prepared().iter().map(of).sum()
     }
 }

@@ -213,6 +213,12 @@ pub fn residuals_at_rows(flight: &Prepared, model: &Model, stride: usize) -> Res
     About::new(flight, model, (&[], &[]), stride, &Known::default()).residuals
 }
 
+/// Sums of squares of what a model leaves along the six axes, over the rows of a flight that a fit takes.
+pub fn squares_left(flight: &Prepared, model: &Model) -> [f64; 6] {
+    let left = residuals_at_rows(flight, model, flight.fit_stride()).residual;
+    left.each_ref().map(|axis| axis.iter().map(|r| r * r).sum())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -31,12 +31,7 @@ const INDEPENDENT: f64 = 10.0;
 
 /// Gives each of the flights its own wind about `model`, where they differ; takes it from them where they do not. Whether they do.
 pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
-    clear(flights);
-    if flights.len() < 2 || flights.iter().any(|flight| !flight.has_position) {
-        return false;
-    }
-    let Some(model) = with_known_drag(model, model) else { return false };
-    let Some(winds) = winds(flights, &model).filter(|winds| winds.differ()) else { return false };
+    let Some(winds) = winds_that_differ(flights, model, model) else { return false };
     give(flights, winds.0.iter().map(|wind| wind.value));
     true
 }
@@ -45,26 +40,27 @@ pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
 /// which drag is known are those of `known`, the model of other flights that they are held against. Whether they differ; where they
 /// do not, no flight has a wind of its own.
 pub fn estimate_about_mean(flights: &mut [&mut Prepared], model: &Model, known: &Model) -> bool {
-    clear(flights);
-    if flights.len() < 2 || flights.iter().any(|flight| !flight.has_position) {
-        return false;
-    }
-    let Some(model) = with_known_drag(model, known) else { return false };
-    let Some(winds) = winds(flights, &model).filter(|winds| winds.differ()) else { return false };
+    let Some(winds) = winds_that_differ(flights, model, known) else { return false };
     let mean = winds.mean();
     give(flights, winds.0.iter().map(|wind| wind.value - mean));
     true
+}
+
+/// Takes the flights' own winds from them, and says those that they should have; nothing where these do not differ or are not known.
+fn winds_that_differ(flights: &mut [&mut Prepared], model: &Model, known: &Model) -> Option<Winds> {
+    clear(flights);
+    if flights.len() < 2 || flights.iter().any(|flight| !flight.has_position) {
+        return None;
+    }
+    let model = with_known_drag(model, known)?;
+    let winds = flights.iter().map(|flight| Wind::of(flight, &model)).collect::<Option<_>>().map(Winds)?;
+    winds.differ().then_some(winds)
 }
 
 fn give(flights: &mut [&mut Prepared], winds: impl Iterator<Item = Vector2<f64>>) {
     for (flight, wind) in flights.iter_mut().zip(winds) {
         flight.wind_ned_m_s = Vector3::new(wind.x, wind.y, 0.0);
     }
-}
-
-/// The winds of flights that have none of their own yet; nothing where a flight does not determine it.
-fn winds(flights: &[&mut Prepared], model: &Model) -> Option<Winds> {
-    flights.iter().map(|flight| Wind::of(flight, model)).collect::<Option<_>>().map(Winds)
 }
 
 /// The winds of several flights.
