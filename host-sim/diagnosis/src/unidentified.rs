@@ -5,6 +5,7 @@
 //!   (R2 not above zero). Either the coefficients are not the craft's, or there was nothing to predict: then what was measured
 //!   varies no more than the sensors' noise, and the axis was not excited.
 //! - **Impossible signs**: a motor that pushes the wrong way, a drag that accelerates.
+//! - **Motors too weak**: at several hertz, the motors turn the craft more than twice as strongly as the model says.
 //! - **Saturated motors**: commands at an end of their range for most of the flight are not what the motors did.
 //!
 //! Judged is the model with everything that is supported in place, and with what its residual is found to depend on taken away:
@@ -13,7 +14,7 @@
 use model::{Axis, Effect, GROUPS, Group, Model, NotIdentified, PerGroup, Verdict};
 use report::number::{fixed, significant};
 use sysid::prepare::Prepared;
-use sysid::{Residuals, errors, has_rotation, sign_doubts};
+use sysid::{MotorResponse, Residuals, errors, has_rotation, motor_responses, sign_doubts};
 
 use crate::criteria::ABOVE_NOISE;
 use crate::finding::Unexplained;
@@ -44,6 +45,7 @@ pub(crate) fn unidentified(
     }
     found.extend(of_signs(model));
     found.extend(worse_than_a_mean(model, left, validate, held_out));
+    found.extend(too_weak(model, train));
     found.extend(saturated(model, &[train, validate].concat()));
     found
 }
@@ -110,6 +112,14 @@ fn of_signs(model: &Model) -> impl Iterator<Item = NotIdentified> {
     };
     let of = |doubt: sysid::SignDoubt| of_part(doubt.axis, doubt.sentence, doubt.effect.info().excitation);
     sign_doubts(model).into_iter().filter(counts).map(of)
+}
+
+/// Motors that turn the craft more strongly than the model says, where nothing but they acts. Gains designed from such a model
+/// are too large by as much.
+fn too_weak(model: &Model, train: &[&Prepared]) -> Option<NotIdentified> {
+    let contradicting = motor_responses(model, train).into_iter().filter(MotorResponse::contradicts);
+    let worst = contradicting.max_by(|a, b| a.lower.total_cmp(&b.lower))?;
+    Some(NotIdentified::of_group(Group::Rotation, worst.sentence(), to_excite(worst.axis)))
 }
 
 /// An axis of the translation, or the whole rotation: a force is measured on each axis by itself, but the same four rotors on

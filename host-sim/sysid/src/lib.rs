@@ -15,6 +15,7 @@ pub use compare::{Comparison, compare};
 pub use fit::alignment::{Reference, align, align_to};
 pub use fit::closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use fit::linearise::residuals;
+pub use fit::motor_response::{MotorResponse, motor_responses};
 pub use fit::output_error::{RefineError, Refinement, RefinementOutcome, refine};
 pub use fit::{
     Fit, FitError, Residuals, SignDoubt, errors, fit, has_rotation, impossible_signs, rotation_doubts,

@@ -142,10 +142,11 @@ fn figures_and_samples_are_taken_away() {
         std::fs::write(browser.screenshot(tab).with_extension("svg"), figure).unwrap();
     }
     to_tab(&browser, "model");
+    browser.settle();
     browser.click("a[href*='/api/download/series.csv']");
-    browser.click("a[href*='/api/download/series.parquet']");
     let text = browser.downloaded("model-1-A.csv");
     assert!(text.starts_with("t_s,u_measured_m_s2,u_predicted_m_s2,u_residual_m_s2,"), "{}", &text[..80]);
+    browser.click("a[href*='/api/download/series.parquet']");
     let table = browser.downloaded_bytes("model-1-A.parquet");
     assert!(table.starts_with(b"PAR1") && table.ends_with(b"PAR1"));
     browser.finish(&[]);

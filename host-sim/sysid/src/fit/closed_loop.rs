@@ -7,6 +7,8 @@
 //! - the motor coefficients of single flights, everything else held, differ by more than their errors;
 //! - the motors' moment is strongly correlated with a speed or a rate: what they do is an answer.
 //!
+//! A third, by how much they are too small, comes from the frequencies that controllers do not answer: `motor_response.rs`.
+//!
 //! The remedy is excitation that answers nothing: each motor by itself, at several hertz, on top of the controller.
 
 use model::{Axis, Effect, Model};
@@ -19,6 +21,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::fit::least_squares;
 use crate::fit::least_squares::RowColumn;
 use crate::fit::linearise::residuals_at_rows;
+use crate::fit::motor_response::{MotorResponse, motor_responses};
 use crate::fit::rotation::has_rotation;
 use crate::prepare::Prepared;
 
@@ -43,6 +46,8 @@ pub struct MotorsOfFlights {
     pub follows: &'static str,
     /// Their correlation.
     pub correlation: f64,
+    /// What the motors do at several hertz; nothing where flights are too short or sampled too slowly to show it.
+    pub response: Option<MotorResponse>,
     /// What to think of it and what to fly; nothing where there is no reason to doubt.
     pub warning: Option<String>,
 }
@@ -66,12 +71,17 @@ pub fn motors_of_flights(model: &Model, flights: &[&Prepared]) -> Vec<MotorsOfFl
     let common: Vec<f64> = term.coefficients.iter().map(|c| c.value).collect();
     let columns: Vec<Vec<RowColumn>> =
         flights.iter().map(|f| f.columns(&[Effect::RotorMoments], model, f.fit_stride(), None)).collect();
+    let mut responses = motor_responses(model, flights);
     [Axis::P, Axis::Q, Axis::R]
         .into_iter()
         .enumerate()
         .map(|(place, axis)| {
             let own: [f64; 4] = std::array::from_fn(|motor| common[4 * place + motor]);
-            of_axis(model, flights, &columns, axis, own)
+            let mut motors = of_axis(model, flights, &columns, axis, own);
+            let of_axis = responses.iter().position(|response| response.axis == axis);
+            motors.response = of_axis.map(|at| responses.swap_remove(at));
+            motors.warning = warning(&motors);
+            motors
         })
         .collect()
 }
@@ -102,17 +112,16 @@ fn of_axis(
     freedom -= 4.0;
     let p_value = ChiSquared::new(freedom).map_or(1.0, |d| d.sf(wald));
     let (follows, correlation) = strongest_correlation(model, flights, columns, axis, common);
-    let mut motors = MotorsOfFlights {
+    MotorsOfFlights {
         axis,
         flights: found,
         spread: if freedom > 0.0 { (wald / freedom).sqrt() } else { 0.0 },
         p_value,
         follows,
         correlation,
+        response: None,
         warning: None,
-    };
-    motors.warning = warning(&motors);
-    motors
+    }
 }
 
 /// Step from the common coefficients to the flight's own, its square in units of its covariance, and standard errors.
@@ -202,6 +211,10 @@ fn about_mean(mut signal: Vec<f64>) -> Vec<f64> {
 }
 
 fn warning(motors: &MotorsOfFlights) -> Option<String> {
+    const REMEDY: &str = "fly each motor excited by itself at several hertz";
+    if let Some(response) = motors.response.as_ref().filter(|response| response.contradicts()) {
+        return Some(format!("{}; {REMEDY}", response.sentence()));
+    }
     let axis = match motors.axis {
         Axis::P => "roll",
         Axis::Q => "pitch",
@@ -210,8 +223,7 @@ fn warning(motors: &MotorsOfFlights) -> Option<String> {
     (motors.correlation.abs() > STRONG_CORRELATION && motors.p_value < SIGNIFICANCE).then(|| {
         format!(
             "{axis}: the motors' moment follows the {} (correlation {}) and motor coefficients differ between \
-             flights by {} of their errors: they depend on how the flights were flown; fly each motor excited by \
-             itself at several hertz",
+             flights by {} of their errors: they depend on how the flights were flown; {REMEDY}",
             motors.follows,
             fixed(motors.correlation, 2),
             fixed(motors.spread, 1)
@@ -232,6 +244,7 @@ mod tests {
             p_value,
             follows: "forward speed",
             correlation,
+            response: None,
             warning: None,
         }
     }

@@ -15,6 +15,7 @@ mod jackknife;
 pub mod least_squares;
 pub mod linearise;
 mod load_shapes;
+pub mod motor_response;
 mod nonlinear;
 pub mod open_loop;
 pub mod output_error;
