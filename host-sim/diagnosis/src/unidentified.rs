@@ -254,7 +254,7 @@ mod tests {
 
     use super::*;
     use crate::reason::Dependence;
-    use crate::testing::{ORDINARY, prepared, truth};
+    use crate::testing::{NONE, ORDINARY, prepared, truth};
 
     fn found(model: &Model, flights: &[Prepared]) -> Vec<NotIdentified> {
         let flights: Vec<&Prepared> = flights.iter().collect();
@@ -327,6 +327,22 @@ mod tests {
         let first = "w is predicted no better than by its mean on the held-out flights (R2 = -";
         assert!(said.starts_with(first), "{said}");
         assert_eq!(found[0].fly, "climb and descend");
+    }
+
+    #[test]
+    fn motors_that_several_hertz_show_to_be_stronger_are_not_identified() {
+        let flights = prepared(&truth(), 1..2, 24.0, &NONE);
+        let says = |found: &[NotIdentified]| {
+            let stronger = "between 4 and 16 Hz the motors turn the craft 3.";
+            found.iter().any(|reason| reason.group == Group::Rotation && reason.reason.contains(stronger))
+        };
+        assert!(!says(&found(&truth(), &flights)));
+        let mut weak = truth();
+        let third: Vec<f64> =
+            truth().term(Effect::RotorMoments).unwrap().values().iter().map(|value| value / 3.0).collect();
+        weak.set(Effect::RotorMoments, &third);
+        let found = found(&weak, &flights);
+        assert!(says(&found), "{found:?}");
     }
 
     /// The weight that the model lacks is a constant; had it depended on the height, that would be told instead.
