@@ -1,9 +1,8 @@
 //! Fewer numbers, the same picture: lines without losing a peak, clouds as counts, spectra.
 
 use report::bin_statistics;
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex;
 use serde_json::{Value, json};
+use sysid::fit::segments::Segments;
 
 /// Part of a flight, and how many points it may take.
 #[derive(Debug, Clone, Copy)]
@@ -292,25 +291,15 @@ fn welch(values: &[f64], period_s: f64) -> (Vec<f64>, Vec<f64>) {
     if length < 8 {
         return (Vec::new(), Vec::new());
     }
-    let window: Vec<f64> =
-        (0..length).map(|k| 0.5 - 0.5 * (std::f64::consts::TAU * k as f64 / length as f64).cos()).collect();
-    let transform = FftPlanner::new().plan_fft_forward(length);
+    let of_length = Segments::new(length);
     let mut power = vec![0.0; length / 2 + 1];
     let mut segments = 0.0;
-    for start in (0..=values.len() - length).step_by(length / 2) {
-        let segment = &values[start..start + length];
-        let mean = segment.iter().sum::<f64>() / length as f64;
-        let mut bins: Vec<Complex<f64>> = segment
-            .iter()
-            .zip(&window)
-            .map(|(value, window)| Complex::from((value - mean) * window))
-            .collect();
-        transform.process(&mut bins);
+    for bins in of_length.of(values) {
         power.iter_mut().zip(&bins).for_each(|(sum, bin)| *sum += bin.norm_sqr());
         segments += 1.0;
     }
     // Both signs of a frequency in one; the power of the window taken out.
-    let scale = 2.0 * period_s / (segments * window.iter().map(|w| w * w).sum::<f64>());
+    let scale = 2.0 * period_s / (segments * of_length.power());
     let frequency = |k: usize| k as f64 / (length as f64 * period_s);
     (1..power.len()).map(|k| (frequency(k), (scale * power[k]).sqrt())).unzip()
 }

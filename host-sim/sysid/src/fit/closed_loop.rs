@@ -21,7 +21,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::fit::least_squares;
 use crate::fit::least_squares::RowColumn;
 use crate::fit::linearise::residuals_at_rows;
-use crate::fit::motor_response::{MotorResponse, motor_responses};
+use crate::fit::motor_response::{MotorResponse, motion_about, motor_responses};
 use crate::fit::rotation::has_rotation;
 use crate::prepare::Prepared;
 
@@ -215,11 +215,7 @@ fn warning(motors: &MotorsOfFlights) -> Option<String> {
     if let Some(response) = motors.response.as_ref().filter(|response| response.contradicts()) {
         return Some(format!("{}; {REMEDY}", response.sentence()));
     }
-    let axis = match motors.axis {
-        Axis::P => "roll",
-        Axis::Q => "pitch",
-        _ => "yaw",
-    };
+    let axis = motion_about(motors.axis);
     (motors.correlation.abs() > STRONG_CORRELATION && motors.p_value < SIGNIFICANCE).then(|| {
         format!(
             "{axis}: the motors' moment follows the {} (correlation {}) and motor coefficients differ between \

@@ -27,6 +27,7 @@ mod random_effects;
 mod residuals;
 mod rotation;
 pub mod rows;
+pub mod segments;
 mod shapes;
 pub mod slow;
 pub mod slung_load;

@@ -20,11 +20,11 @@ use std::ops::Range;
 use model::{Axis, Effect, Model, Plant};
 use report::number::{fixed, significant};
 use rustfft::num_complex::Complex;
-use rustfft::{Fft, FftPlanner};
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::fit::rotation::has_rotation;
+use crate::fit::segments::Segments;
 use crate::fit::slung_load::without_load;
 use crate::prepare::{Part, Prepared, Stretch};
 
@@ -46,7 +46,7 @@ const COHERENT: f64 = 0.5;
 /// Phase up to which the response is that of the motors, rad.
 const LARGEST_PHASE_RAD: f64 = 0.5;
 /// How many times as strongly as the model says the motors must turn the craft for the model to be wrong.
-pub const TOO_WEAK: f64 = 2.0;
+const TOO_WEAK: f64 = 2.0;
 
 /// How strongly the motors turn the craft about an axis over what the model says, between 4 and 16 Hz.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
@@ -79,17 +79,22 @@ impl MotorResponse {
         format!(
             "{}: between {} and {} Hz the motors turn the craft {} to {} times as strongly as the model says (coherence {}); \
              at lower frequencies the controller answers disturbances, which hides what the motors do",
-            match self.axis {
-                Axis::P => "roll",
-                Axis::Q => "pitch",
-                _ => "yaw",
-            },
+            motion_about(self.axis),
             BAND_HZ.start,
             BAND_HZ.end,
             significant(self.lower, 2),
             significant(self.upper, 2),
             fixed(self.coherence, 2)
         )
+    }
+}
+
+/// The motion about an axis of the rotation, for people.
+pub(crate) fn motion_about(axis: Axis) -> &'static str {
+    match axis {
+        Axis::P => "roll",
+        Axis::Q => "pitch",
+        _ => "yaw",
     }
 }
 
@@ -149,13 +154,9 @@ fn spectra<'a>(stretches: impl Iterator<Item = &'a Signals>, period_s: f64) -> V
     if bins.is_empty() {
         return spectra;
     }
-    let window: Vec<f64> = (0..length).map(|k| 0.5 - 0.5 * (TAU * k as f64 / length as f64).cos()).collect();
-    let transform = FftPlanner::new().plan_fft_forward(length);
+    let segments = Segments::new(length);
     for [moment, acceleration] in stretches {
-        let last = (moment.len() + 1).saturating_sub(length);
-        for start in (0..last).step_by((length / 2).max(1)) {
-            let of = |signal: &[f64]| transformed(&signal[start..start + length], &window, &*transform);
-            let (x, y) = (of(moment), of(acceleration));
+        for (x, y) in segments.of(moment).zip(segments.of(acceleration)) {
             for ((_, sums), &bin) in spectra.iter_mut().zip(&bins) {
                 sums.moment += x[bin].norm_sqr();
                 sums.acceleration += y[bin].norm_sqr();
@@ -164,14 +165,6 @@ fn spectra<'a>(stretches: impl Iterator<Item = &'a Signals>, period_s: f64) -> V
         }
     }
     spectra
-}
-
-fn transformed(segment: &[f64], window: &[f64], transform: &dyn Fft<f64>) -> Vec<Complex<f64>> {
-    let mean = segment.iter().sum::<f64>() / segment.len() as f64;
-    let mut bins: Vec<Complex<f64>> =
-        segment.iter().zip(window).map(|(value, weight)| Complex::from((value - mean) * weight)).collect();
-    transform.process(&mut bins);
-    bins
 }
 
 /// S_xx, S_yy and S_xy of a part of the band.
@@ -238,6 +231,11 @@ mod tests {
         [times().map(moment).collect(), times().map(|t| gain * moment(t - 0.007) + disturbance(t)).collect()]
     }
 
+    /// Sines of other frequencies of the band, as strong.
+    fn noise(t: f64) -> f64 {
+        (1..40).map(|k| (0.41 * TAU * f64::from(k) * t + f64::from(k * k * k)).sin()).sum()
+    }
+
     fn of(signals: &Signals) -> MotorResponse {
         let mut halves = [Sums::default(); 2];
         add_without_delay(&spectra([signals].into_iter(), 0.01), &mut halves);
@@ -262,10 +260,6 @@ mod tests {
 
     #[test]
     fn noise_of_either_signal_widens_the_bounds_on_its_own_side() {
-        // Both seen with sines of other frequencies of the band, as strong as the moment itself.
-        let noise = |t: f64| {
-            (1..40).map(|k| (0.41 * TAU * f64::from(k) * t + f64::from(k * k * k)).sin()).sum::<f64>()
-        };
         let besides = of(&sines(1.0, noise));
         assert!((besides.lower - 1.0).abs() < 0.15 && besides.upper > 1.7, "{besides:?}");
         let mut signals = sines(1.0, |_| 0.0);
@@ -296,9 +290,6 @@ mod tests {
     #[test]
     fn a_controller_that_answers_gyro_noise_is_not_taken_for_the_motors() {
         // Rates are noise n, the moment is -K n two samples later: the response is -s / K, delay apart.
-        let noise = |t: f64| {
-            (1..40).map(|k| (0.41 * TAU * f64::from(k) * t + f64::from(k * k * k)).sin()).sum::<f64>()
-        };
         let times = || (0..6000).map(|k| 0.01 * f64::from(k));
         let slope = |t: f64| (noise(t + 0.005) - noise(t - 0.005)) / 0.01;
         let turned_round: Signals =
