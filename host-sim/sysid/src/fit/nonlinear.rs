@@ -41,9 +41,15 @@ const LEVEL: f64 = 1e-4;
 /// a tenth of the one before it or less.
 const CONVERGED: f64 = 0.1;
 
+/// Steps in a row that leave a scale where the possible ends, after which it is taken to have run away.
+const AT_THE_END: usize = 3;
+
 /// A step of less than this part of every coefficient (or of its ordinary magnitude) leaves the columns nearly as they are: the next one
 /// takes them over, and only what is left is formed anew. The step after that is off by such a part of itself.
 const SMALL: f64 = 0.03;
+
+/// A step that takes back more than this part of the one before goes to and fro about where it should lead.
+const TO_AND_FRO: f64 = 0.5;
 
 /// Takes steps from where `model` stands until they are small.
 pub(crate) fn settle(flights: &[&Prepared], model: Model, layout: &Layout) -> Result<Fit, FitError> {
@@ -85,7 +91,8 @@ pub(crate) fn stay(flights: &[&Prepared], model: Model, layout: &Layout) -> Resu
     let solution = least_squares::solve_without_errors(&at.rows, &at.priors)
         .map_err(|why| unidentifiable(why, &layout.order))?;
     let values: Vec<f64> = layout.order.iter().flat_map(|effect| problem.values_of(*effect)).collect();
-    let reach = Reach { values: values.into(), is_settled: true, is_small: true };
+    let reach =
+        Reach { values: values.into(), is_settled: true, is_small: true, steps: Vec::new(), part: 1.0 };
     Ok(Fit { is_settled: false, ..problem.end(&at, solution, reach)? })
 }
 
@@ -106,6 +113,10 @@ struct Nonlinear<'a> {
     is_full: bool,
     /// Where the last step came from, and what was left there.
     last: Option<(Model, Option<f64>)>,
+    /// The last step of the coefficients of adjusting effects.
+    last_step: Vec<f64>,
+    /// Steps in a row after which a scale was where the possible ends.
+    at_the_end: usize,
 }
 
 impl<'a> Nonlinear<'a> {
@@ -116,7 +127,19 @@ impl<'a> Nonlinear<'a> {
         (is_rough, no_further): (bool, f64),
     ) -> Self {
         let begun = vec![Known { begun: Vec::new(), is_rough }; flights.len()];
-        Self { flights, layout, model, is_rough, no_further, begun, kept: None, is_full: true, last: None }
+        Self {
+            flights,
+            layout,
+            model,
+            is_rough,
+            no_further,
+            begun,
+            kept: None,
+            is_full: true,
+            last: None,
+            last_step: Vec::new(),
+            at_the_end: 0,
+        }
     }
 
     fn values_of(&self, effect: Effect) -> Vec<f64> {
@@ -128,6 +151,7 @@ impl<'a> Nonlinear<'a> {
     fn reach(&self, solution: &Solution) -> Reach {
         let mut values = solution.value.clone();
         let (mut is_settled, mut is_small) = (true, true);
+        let (mut steps, mut std_errors) = (Vec::new(), Vec::new());
         let mut at: usize = self.layout.linear.iter().map(|e| coefficient_count(*e)).sum();
         for effect in &self.layout.adjusting {
             let known = self.values_of(*effect);
@@ -139,10 +163,35 @@ impl<'a> Nonlinear<'a> {
                 is_settled &=
                     is_held(*now, values[at], info) || step.abs() < CONVERGED * std_error + 1e-9 * ordinary;
                 is_small &= step.abs() < SMALL * now.abs().max(ordinary);
+                steps.push(values[at] - now);
+                std_errors.push(std_error);
                 at += 1;
             }
         }
-        Reach { values, is_settled, is_small }
+        let part = part_of_step(&self.last_step, &steps, &std_errors);
+        Reach { values, is_settled, is_small, steps, part }
+    }
+
+    /// Goes back along the last step, to that part of it.
+    fn back_to(&mut self, part: f64) {
+        let Some((before, _)) = &self.last else { return };
+        for term in &mut self.model.terms {
+            let Some(old) = before.term(term.effect) else { continue };
+            for (new, old) in term.coefficients.iter_mut().zip(&old.coefficients) {
+                new.value = part * new.value + (1.0 - part) * old.value;
+            }
+        }
+        self.last_step.iter_mut().for_each(|step| *step *= part);
+    }
+
+    /// Ends steps that have left a scale where the possible ends for some time.
+    fn check_running_away(&mut self) -> Result<(), FitError> {
+        match check_scales(&self.model, &self.layout.adjusting) {
+            Ok(()) => self.at_the_end = 0,
+            Err(why) if self.at_the_end + 1 == AT_THE_END => return Err(why),
+            Err(_) => self.at_the_end += 1,
+        }
+        Ok(())
     }
 
     /// The fit where the last step has ended, with errors for coloured residuals.
@@ -170,6 +219,21 @@ struct Reach {
     is_settled: bool,
     /// Whether it leaves the columns nearly as they are.
     is_small: bool,
+    /// Those of the coefficients of adjusting effects.
+    steps: Vec<f64>,
+    /// Of the step, to be taken.
+    part: f64,
+}
+
+/// Part of a step to be taken after the one before, by their lengths in standard errors: all of it, unless it takes back much of that one.
+/// Of steps of which each is `-r` times the one before, so much leads to where they all lead (Aitken 1926).
+fn part_of_step(before: &[f64], step: &[f64], std_errors: &[f64]) -> f64 {
+    let product = |one: &[f64], other: &[f64]| -> f64 {
+        let scaled = one.iter().zip(other).zip(std_errors).map(|((a, b), e)| a * b / (e * e));
+        scaled.filter(|product| product.is_finite()).sum()
+    };
+    let taken_back = -product(before, step) / product(before, before);
+    if taken_back > TO_AND_FRO { 1.0 / (1.0 + taken_back.min(1.0)) } else { 1.0 }
 }
 
 /// At a bound that no step crosses, there is no further.
@@ -214,16 +278,39 @@ impl Problem for Nonlinear<'_> {
             return self.end(&at, solution, reach).map(ControlFlow::Break);
         }
         self.kept = (self.is_full && reach.is_small).then_some(at.rows);
+        self.last_step = reach.steps;
+        if reach.part < 1.0 {
+            self.back_to(reach.part);
+        }
+        self.check_running_away()?;
         Ok(ControlFlow::Continue(()))
     }
 
     fn halve(&mut self) {
-        let Some((before, _)) = &self.last else { return };
-        for term in &mut self.model.terms {
-            let Some(old) = before.term(term.effect) else { continue };
-            for (new, old) in term.coefficients.iter_mut().zip(&old.coefficients) {
-                new.value = 0.5 * (new.value + old.value);
-            }
+        self.back_to(0.5);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Steps each -r times the one before, from 1 on, lead to 1 / (1 + r).
+    #[test]
+    fn steps_to_and_fro_are_cut_to_where_they_lead() {
+        for r in [0.6, 0.87, 1.0] {
+            let part = part_of_step(&[1.0, 2.0], &[-r, -2.0 * r], &[0.1, 0.3]);
+            let reached = 1.0 - part * r;
+            assert!((reached - 1.0 / (1.0 + r)).abs() < 1e-12, "{r}: {reached}");
         }
+    }
+
+    #[test]
+    fn steps_onwards_sideways_or_a_little_back_are_taken_whole() {
+        for step in [[0.5, 1.0], [2.0, -1.0], [-0.2, -0.4], [0.0, 0.0]] {
+            assert_eq!(part_of_step(&[1.0, 2.0], &step, &[1.0, 1.0]), 1.0, "{step:?}");
+        }
+        assert_eq!(part_of_step(&[], &[1.0], &[1.0]), 1.0);
+        assert_eq!(part_of_step(&[0.0], &[1.0], &[0.0]), 1.0);
     }
 }
