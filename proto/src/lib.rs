@@ -43,8 +43,8 @@ pub use craft_end::{CraftEnd, Heard, LISTENING_MS, Opened, Promising};
 pub use frame::{Error, MAX_FRAME_LEN, MIN_VERSION, VERSION, decode, encode};
 pub use ground_end::{GroundEnd, Listener, SILENT_MS};
 pub use message::{
-    Answer, Command, Counters, Gains, Identity, ImuSample, Input, Loop, Measurement, Message, Mode, Outcome,
-    Output, Pose, Readings, Refusal, Request, State, Supervision, Telemetry, TimedPose, Timer,
+    Answer, Command, Counters, Ending, Gains, Identity, ImuSample, Input, Loop, Measurement, Message, Mode,
+    Outcome, Output, Pose, Readings, Refusal, Request, State, Supervision, Telemetry, TimedPose, Timer,
 };
 pub use packet::{Key, MAX_PACKET_LEN, Opener, Refused, Role, Sealer, Statistics, TAG_LEN};
 pub use peer::{NotAdmitted, admit};

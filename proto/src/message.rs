@@ -1,5 +1,7 @@
 //! The messages.
 
+use core::fmt;
+
 use serde::{Deserialize, Serialize};
 
 /// Everything that goes over a link.
@@ -32,6 +34,8 @@ pub enum Message {
     Identity(Identity),
     /// Craft to ground: what became of a request or of gains.
     Answer(Answer),
+    /// Craft to ground, behind its identity: how it ended before it was started.
+    LastEnd(Ending),
 }
 
 /// What the controller needs for one tick.
@@ -368,4 +372,84 @@ pub struct Answer {
     pub done: bool,
     /// Preflight checks that were good at that time, one bit each.
     pub preflight: u16,
+}
+
+/// How a craft's program, or the chip that it runs on, ended before this start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Ending {
+    /// Nothing says.
+    Unknown,
+    /// Its power was off.
+    PowerOff,
+    /// The chip's supply voltage fell too low.
+    BrownOut,
+    /// The chip's watchdog was not fed.
+    Watchdog,
+    /// The chip's reset pin was pulled.
+    ResetPin,
+    /// The chip was reset by a program.
+    Software,
+    /// The program was asked to stop, and did.
+    Stopped,
+    /// The process that flies died by itself, or hung and was killed.
+    LoopDied,
+    /// The process that watches the one that flies was killed.
+    GuardianKilled,
+    /// The computer stopped under the program.
+    ComputerStopped,
+}
+
+impl Ending {
+    /// Whether nobody meant it to end so.
+    pub const fn is_fault(self) -> bool {
+        matches!(
+            self,
+            Self::BrownOut | Self::Watchdog | Self::LoopDied | Self::GuardianKilled | Self::ComputerStopped
+        )
+    }
+}
+
+impl fmt::Display for Ending {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Unknown => "how it ended before is not known",
+            Self::PowerOff => "its power was off before",
+            Self::BrownOut => "it was reset because its supply voltage fell too low (brown-out)",
+            Self::Watchdog => "its watchdog reset it: the program hung or panicked",
+            Self::ResetPin => "it was reset by its reset pin (a button or a debugger)",
+            Self::Software => "it was reset by a program",
+            Self::Stopped => "its program was stopped as asked",
+            Self::LoopDied => "its flight loop died or hung; the guardian idled the motors",
+            Self::GuardianKilled => "its guardian was killed; the flight loop idled the motors",
+            Self::ComputerStopped => "its computer stopped: power lost, or reset",
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+
+    use std::string::ToString;
+
+    use super::*;
+
+    #[test]
+    fn an_ending_that_nobody_meant_is_a_fault_and_each_has_words() {
+        for (ending, is_fault, words) in [
+            (Ending::Unknown, false, "not known"),
+            (Ending::PowerOff, false, "power was off"),
+            (Ending::BrownOut, true, "brown-out"),
+            (Ending::Watchdog, true, "watchdog"),
+            (Ending::ResetPin, false, "reset pin"),
+            (Ending::Software, false, "by a program"),
+            (Ending::Stopped, false, "as asked"),
+            (Ending::LoopDied, true, "loop died"),
+            (Ending::GuardianKilled, true, "guardian was killed"),
+            (Ending::ComputerStopped, true, "computer stopped"),
+        ] {
+            assert_eq!(ending.is_fault(), is_fault, "{ending:?}");
+            assert!(ending.to_string().contains(words), "{ending}");
+        }
+    }
 }

@@ -52,6 +52,7 @@ fn pinned() -> Vec<Vec<u8>> {
         ),
         format!("03 0B  03 03  00 01 AC02  {}  00", "AB".repeat(32)),
         "03 0C  07 01 01".into(),
+        "03 0D  03".into(),
     ]
     .iter()
     .map(|text| bytes(text))

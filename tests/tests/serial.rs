@@ -34,6 +34,8 @@ struct Board {
     qemu: Child,
     link: UnixStream,
     simulator: UnixStream,
+    /// What has come from the board for the ground, and was not asked for yet.
+    said: Vec<u8>,
     _folder: tempfile::TempDir,
 }
 
@@ -74,33 +76,49 @@ impl Board {
         let mut qemu = command.spawn().expect("qemu-system-arm");
         let [link, simulator] = [&link, &simulator].map(|listener| accepted(listener, &mut qemu));
         link.set_nonblocking(true).unwrap();
-        simulator.set_nonblocking(false).unwrap();
-        simulator.set_read_timeout(Some(PATIENCE)).unwrap();
-        Self { qemu, link, simulator, _folder: folder }
+        simulator.set_nonblocking(true).unwrap();
+        Self { qemu, link, simulator, said: Vec::new(), _folder: folder }
     }
 
-    /// The board's next question.
+    /// The board's next question. What it says to the ground meanwhile is taken: of bytes that come one by one a socket holds some hundred
+    /// only, and the board would wait for room.
     fn asks(&mut self, deframer: &mut Deframer) -> Request {
-        let mut byte = [0];
+        let (mut byte, began) = ([0], Instant::now());
         loop {
-            self.simulator.read_exact(&mut byte).expect("the board asks");
-            if let Some(frame) = deframer.push(byte[0]) {
-                return Request::from_bytes(frame).expect("a request");
+            match self.simulator.read(&mut byte) {
+                Ok(0) => panic!("QEMU has closed the simulator's line"),
+                Ok(_) => {
+                    if let Some(frame) = deframer.push(byte[0]) {
+                        return Request::from_bytes(frame).expect("a request");
+                    }
+                }
+                Err(error) if error.kind() == ErrorKind::WouldBlock => {
+                    assert!(began.elapsed() < PATIENCE, "the board asks nothing");
+                    self.listen();
+                    std::thread::sleep(Duration::from_micros(50));
+                }
+                Err(error) => panic!("{error}"),
+            }
+        }
+    }
+
+    /// Takes what has come from the board for the ground.
+    fn listen(&mut self) {
+        let mut bytes = [0; 4096];
+        loop {
+            match self.link.read(&mut bytes) {
+                Ok(0) => panic!("QEMU has closed the line"),
+                Ok(count) => self.said.extend_from_slice(&bytes[..count]),
+                Err(error) if error.kind() == ErrorKind::WouldBlock => return,
+                Err(error) => panic!("{error}"),
             }
         }
     }
 
     /// Bytes that have come from the board for the ground.
     fn said(&mut self) -> Vec<u8> {
-        let (mut all, mut bytes) = (Vec::new(), [0; 4096]);
-        loop {
-            match self.link.read(&mut bytes) {
-                Ok(0) => panic!("QEMU has closed the line"),
-                Ok(count) => all.extend_from_slice(&bytes[..count]),
-                Err(error) if error.kind() == ErrorKind::WouldBlock => return all,
-                Err(error) => panic!("{error}"),
-            }
-        }
+        self.listen();
+        std::mem::take(&mut self.said)
     }
 }
 

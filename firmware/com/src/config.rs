@@ -181,6 +181,8 @@ pub struct Setup {
     pub silence: Duration,
     /// Where the cause of the last end is kept.
     pub last_end: Option<PathBuf>,
+    /// That cause, as the ground is told; unknown until the program looks there.
+    pub ended: proto::Ending,
     /// The board's watchdog.
     pub watchdog: BoardWatchdog,
 }
@@ -243,6 +245,7 @@ impl Setup {
             priority: file.timing.priority,
             silence: Duration::from_secs_f64(silence_s),
             last_end: file.guardian.last_end.as_ref().map(at),
+            ended: proto::Ending::Unknown,
             watchdog: BoardWatchdog::of(file.guardian.watchdog.as_deref(), folder),
         })
     }

@@ -156,6 +156,7 @@ fn craft_setup(setup: &Setup) -> craft::Setup {
         vehicle_sha256: setup.vehicle_sha256,
         program: program_version(),
         telemetry_every: setup.link.telemetry_every,
+        last_end: setup.ended,
     }
 }
 

@@ -30,6 +30,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use fork::Fork;
+use proto::Ending;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::io::{Errno, retry_on_intr};
 use rustix::pipe::{PipeFlags, pipe_with};
@@ -74,6 +75,16 @@ pub enum End {
     Silent(u128),
     /// It never gave a sign of life.
     NeverBegan,
+}
+
+impl End {
+    /// As the ground is told at the next start.
+    fn as_told(self) -> Ending {
+        match self {
+            Self::Stopped => Ending::Stopped,
+            Self::Returned(_) | Self::Killed(_) | Self::Silent(_) | Self::NeverBegan => Ending::LoopDied,
+        }
+    }
 }
 
 impl fmt::Display for End {
@@ -154,7 +165,7 @@ pub fn watch(
             let guard = Guard { child, beats: beats_out, orders: orders_in, stop, silence: terms.silence };
             let end = guard.until_the_end(&mut watchdogs, &mut idle);
             let idled = idle();
-            if let Err(error) = terms.last_end.end(&end.to_string()) {
+            if let Err(error) = terms.last_end.end(&end.to_string(), end.as_told()) {
                 log(&error.to_string());
             }
             if idled {
@@ -174,7 +185,7 @@ fn run_loop(last_end: &LastEnd, heart: Heart, fly: impl FnOnce(Heart) -> Result<
         Ok(()) => 0,
         Err(Error::Orphaned) => {
             log(&Error::Orphaned.to_string());
-            let _ = last_end.end(&Error::Orphaned.to_string());
+            let _ = last_end.end(&Error::Orphaned.to_string(), Ending::GuardianKilled);
             1
         }
         Err(error) => {

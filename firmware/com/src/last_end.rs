@@ -7,6 +7,7 @@
 use std::fs;
 use std::path::PathBuf;
 
+use proto::Ending;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result, access};
@@ -18,6 +19,8 @@ const RUNNING: &str = "running";
 struct Record {
     /// [`RUNNING`], or how it ended.
     state: String,
+    /// How it ended, as the ground is told.
+    ending: Option<Ending>,
     /// The kernel's number of the boot.
     boot: String,
     process: u32,
@@ -35,35 +38,40 @@ impl LastEnd {
         Self { path }
     }
 
-    /// Says in a sentence how the program ended last, and records that it runs from now on.
+    /// Says in a sentence, and as the ground is told, how the program ended last, and records that it runs from now on.
     ///
     /// # Errors
     /// A file that cannot be written: the next start would report something wrong.
-    pub fn begin(&self) -> Result<String> {
-        let Some(path) = &self.path else { return Ok("no file records how the last run ended".into()) };
+    pub fn begin(&self) -> Result<(String, Ending)> {
+        let Some(path) = &self.path else {
+            return Ok(("no file records how the last run ended".into(), Ending::Unknown));
+        };
         let boot = boot();
-        let sentence = match fs::read_to_string(path) {
-            Err(_) => "this is the first start here".to_owned(),
+        let said = match fs::read_to_string(path) {
+            Err(_) => ("this is the first start here".to_owned(), Ending::Unknown),
             Ok(text) => match toml::from_str::<Record>(&text) {
-                Err(_) => format!("{}: not readable; how the last run ended is unknown", path.display()),
-                Ok(last) => sentence(&last, &boot),
+                Err(_) => (
+                    format!("{}: not readable; how the last run ended is unknown", path.display()),
+                    Ending::Unknown,
+                ),
+                Ok(last) => (sentence(&last, &boot), ending(&last, &boot)),
             },
         };
-        self.write(RUNNING, boot)?;
-        Ok(sentence)
+        self.write(RUNNING, None, boot)?;
+        Ok(said)
     }
 
-    /// Records how the program ends.
+    /// Records how the program ends, in words and as the ground is told.
     ///
     /// # Errors
     /// A file that cannot be written.
-    pub fn end(&self, how: &str) -> Result<()> {
-        self.write(how, boot())
+    pub fn end(&self, how: &str, ending: Ending) -> Result<()> {
+        self.write(how, Some(ending), boot())
     }
 
-    fn write(&self, state: &str, boot: String) -> Result<()> {
+    fn write(&self, state: &str, ending: Option<Ending>, boot: String) -> Result<()> {
         let Some(path) = &self.path else { return Ok(()) };
-        let record = Record { state: state.into(), boot, process: std::process::id() };
+        let record = Record { state: state.into(), ending, boot, process: std::process::id() };
         let text = toml::to_string(&record).map_err(|error| Error::Other(error.to_string()))?;
         let temporary = path.with_extension("new");
         fs::write(&temporary, text).map_err(access(&temporary, "write how the program ends"))?;
@@ -84,6 +92,15 @@ fn sentence(last: &Record, boot: &str) -> String {
     }
 }
 
+/// The same as the ground is told.
+fn ending(last: &Record, boot: &str) -> Ending {
+    match last.state.as_str() {
+        RUNNING if last.boot == boot => Ending::GuardianKilled,
+        RUNNING => Ending::ComputerStopped,
+        _ => last.ending.unwrap_or(Ending::Unknown),
+    }
+}
+
 /// The kernel's number of this boot.
 fn boot() -> String {
     let id = fs::read_to_string("/proc/sys/kernel/random/boot_id").unwrap_or_default();
@@ -99,15 +116,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("last-end.toml");
         let kept = LastEnd::new(Some(path.clone()));
-        assert!(kept.begin().unwrap().contains("first start"));
-        assert!(kept.begin().unwrap().contains("guardian"), "it still says running");
-        kept.end("the loop was killed by signal 9").unwrap();
-        assert_eq!(kept.begin().unwrap(), "the last run ended: the loop was killed by signal 9");
+        let begun = |words: &str, told: Ending| {
+            let (sentence, ending) = kept.begin().unwrap();
+            assert!(sentence.contains(words), "{sentence}");
+            assert_eq!(ending, told, "{sentence}");
+        };
+        begun("first start", Ending::Unknown);
+        // It still says running.
+        begun("guardian", Ending::GuardianKilled);
+        kept.end("the loop was killed by signal 9", Ending::LoopDied).unwrap();
+        begun("the last run ended: the loop was killed by signal 9", Ending::LoopDied);
         let text = fs::read_to_string(&path).unwrap().replace(&boot(), "another");
         fs::write(&path, text).unwrap();
-        assert!(kept.begin().unwrap().contains("power lost"));
+        begun("power lost", Ending::ComputerStopped);
         fs::write(&path, "x").unwrap();
-        assert!(kept.begin().unwrap().contains("not readable"));
+        begun("not readable", Ending::Unknown);
         let nowhere = LastEnd::new(Some("/nonexistent/last-end.toml".into()));
         assert!(nowhere.begin().unwrap_err().to_string().contains("/nonexistent"));
     }

@@ -116,7 +116,7 @@ fn main() -> ExitCode {
 }
 
 fn run(config: &Path) -> Result<ExitCode> {
-    let setup = Setup::read(config)?;
+    let mut setup = Setup::read(config)?;
     let last_end = LastEnd::new(setup.last_end.clone());
     log(&format!(
         "version {}, vehicle {:?}, sha256 {}",
@@ -124,7 +124,9 @@ fn run(config: &Path) -> Result<ExitCode> {
         setup.vehicle,
         hex(&setup.vehicle_sha256)
     ));
-    log(&last_end.begin()?);
+    let (sentence, ending) = last_end.begin()?;
+    log(&sentence);
+    setup.ended = ending;
     if !setup.law.supervision.battery.are_given() {
         log(
             "no battery levels: the craft will not land before its battery is empty; say in the vehicle file how many [battery] cells it has",

@@ -4,8 +4,8 @@ use control::gains::{InnerLoop, Law, PositionLoop};
 use control::{Autopilot, Command, Config, ConfigError, Flight, Mode, Pose, Readings, Request, State};
 use heapless::Deque;
 use proto::{
-    Answer, Counters, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Opened, Telemetry, TimedPose,
-    VERSION,
+    Answer, Counters, Ending, Gains, Identity, ImuSample, Loop, MIN_VERSION, Message, Opened, Telemetry,
+    TimedPose, VERSION,
 };
 
 use crate::convert;
@@ -25,6 +25,8 @@ pub struct Setup {
     pub program: [u16; 3],
     /// Ticks from one telemetry message to the next; 0 counts as 1.
     pub telemetry_every: u16,
+    /// How it ended before it was started.
+    pub last_end: Ending,
 }
 
 /// What a program measured itself for one tick.
@@ -100,7 +102,9 @@ pub struct Craft {
     jitter_us: u32,
     /// Messages that are not for a craft.
     misdirected: u32,
+    /// Its identity is to be said, and then how it ended last.
     introduce: bool,
+    tell_last_end: bool,
     /// Ticks until telemetry is due.
     until_telemetry: u16,
     telemetry_due: bool,
@@ -130,6 +134,7 @@ impl Craft {
             jitter_us: 0,
             misdirected: 0,
             introduce: false,
+            tell_last_end: false,
             until_telemetry: 0,
             telemetry_due: false,
         })
@@ -178,13 +183,14 @@ impl Craft {
             | Message::Outcome(_)
             | Message::Telemetry(_)
             | Message::Identity(_)
-            | Message::Answer(_) => self.misdirected = self.misdirected.saturating_add(1),
+            | Message::Answer(_)
+            | Message::LastEnd(_) => self.misdirected = self.misdirected.saturating_add(1),
         }
     }
 
     /// The identity goes out with the next messages.
     fn introduce(&mut self) {
-        self.introduce = true;
+        (self.introduce, self.tell_last_end) = (true, true);
     }
 
     /// One control period. Total: whatever came, the motor commands `tick.pwm` are finite and
@@ -221,7 +227,7 @@ impl Craft {
         self.autopilot.flight()
     }
 
-    /// The next message to the ground: answers, identity, telemetry, in this order. To be called
+    /// The next message to the ground: answers, identity, last end, telemetry, in this order. To be called
     /// after a tick until there are no more.
     pub fn next_message(&mut self, link: &LinkStatus) -> Option<Message> {
         if let Some(answer) = self.outbox.pop_front() {
@@ -229,6 +235,9 @@ impl Craft {
         }
         if core::mem::take(&mut self.introduce) {
             return Some(Message::Identity(self.identity()));
+        }
+        if core::mem::take(&mut self.tell_last_end) {
+            return Some(Message::LastEnd(self.setup.last_end));
         }
         core::mem::take(&mut self.telemetry_due).then(|| {
             let telemetry = self.telemetry(link);
@@ -382,7 +391,8 @@ fn is_done(request: Request, state: State) -> bool {
 mod tests {
     use super::*;
 
-    const SETUP: Setup = Setup { vehicle_sha256: [1; 32], program: [0, 1, 2], telemetry_every: 3 };
+    const SETUP: Setup =
+        Setup { vehicle_sha256: [1; 32], program: [0, 1, 2], telemetry_every: 3, last_end: Ending::Watchdog };
     const LINK: LinkStatus = LinkStatus { lost: 0, refused: 0 };
     const INPUTS: Inputs = Inputs {
         time_us: 0,
@@ -428,8 +438,11 @@ mod tests {
         });
         assert_eq!(telemetry, [true, false, false, true, false, false, true]);
         craft.hear(9, &Message::Who);
-        let [Message::Identity(identity)] = messages(&mut craft)[..] else { panic!("the identity") };
-        assert_eq!(identity.program, [0, 1, 2]);
+        let [Message::Identity(identity), Message::LastEnd(ending)] = messages(&mut craft)[..] else {
+            panic!("the identity and the last end")
+        };
+        assert_eq!((identity.program, ending), ([0, 1, 2], Ending::Watchdog));
+        assert_eq!(messages(&mut craft), []);
     }
 
     /// Of every length of the wait up to 300 ticks, and the longest ones: 0 counts as 1.

@@ -12,7 +12,12 @@ use proto::{
     Answer, Command, Gains, ImuSample, Loop, Message, Mode, Opened, Pose, Request, TimedPose, Timer,
 };
 
-const SETUP: Setup = Setup { vehicle_sha256: [7; 32], program: [1, 2, 3], telemetry_every: 1 };
+const SETUP: Setup = Setup {
+    vehicle_sha256: [7; 32],
+    program: [1, 2, 3],
+    telemetry_every: 1,
+    last_end: proto::Ending::BrownOut,
+};
 
 const IDLE: Command = Command { z_m: -1.0, ..Command::IDLE };
 
@@ -251,6 +256,7 @@ fn who_is_answered_with_the_identity() {
     assert_eq!(identity.versions, [proto::MIN_VERSION, proto::VERSION]);
     assert_eq!((identity.program, identity.vehicle_sha256), ([1, 2, 3], [7; 32]));
     assert_eq!(identity.state, proto::State::Disarmed);
+    assert_eq!(said[1], Message::LastEnd(proto::Ending::BrownOut));
     assert!(!bench.run(None, 0).iter().any(|m| matches!(m, Message::Identity(_))), "once");
 }
 

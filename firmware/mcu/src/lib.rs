@@ -6,6 +6,7 @@
 //! - [`Board`] is all that is: link, clock, sensors, motors, watchdog. There are two, each for its
 //!   own build: QEMU's `mps2` (for tests and simulation: a [`simulator`] is its motors and sensors) and, with the
 //!   feature of that name, `stm32f405`.
+//! - [`reset`]: why the chip was started, which the ground is told.
 //! - [`esc`], [`battery`], [`imu`], [`ring`]: drivers over embedded-hal and embedded-io traits.
 //!
 //! A chip has no files: gains and vehicle are built in ([`GAINS_IMAGE`], see `build.rs`), and the
@@ -34,6 +35,7 @@ pub mod imu;
 #[cfg(all(target_os = "none", not(feature = "stm32f405")))]
 pub mod mps2;
 mod program;
+pub mod reset;
 #[cfg(test)]
 #[path = "../../control/tests/common/residues.rs"]
 mod residues;

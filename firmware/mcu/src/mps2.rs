@@ -17,7 +17,7 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{NVIC, SCB, SYST};
 use cortex_m_rt::exception;
 use embedded_hal::pwm::SetDutyCycle;
-use proto::{Deframer, ImuSample, MAX_STREAM_LEN, enframe};
+use proto::{Deframer, Ending, ImuSample, MAX_STREAM_LEN, enframe};
 
 use crate::board::Board;
 use crate::esc::{Escs, IDLE_US, duty};
@@ -121,6 +121,11 @@ pub struct Mps2 {
     /// What the simulator's sensors measured.
     sample: Option<Sample>,
     commands: [f32; 4],
+}
+
+/// Why it was started: the emulated board keeps no record.
+pub fn last_end() -> Ending {
+    Ending::Unknown
 }
 
 /// Sets the board up: motors at idle, link open, tick running.

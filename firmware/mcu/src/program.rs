@@ -4,7 +4,7 @@ use control::{Config, ConfigError};
 use craft::image::{self, ImageError};
 use craft::{Craft, Inputs, LinkStatus, Setup};
 use embedded_io::{Read, ReadReady, Write};
-use proto::{CraftEnd, Deframer, Heard, Key, MAX_PACKET_LEN, MAX_STREAM_LEN};
+use proto::{CraftEnd, Deframer, Ending, Heard, Key, MAX_PACKET_LEN, MAX_STREAM_LEN};
 
 use crate::board::Board;
 use crate::clock::Beats;
@@ -56,13 +56,13 @@ pub struct Program {
 
 impl Program {
     /// A disarmed craft with the gains of an image, and the key that the ground has too, if there is
-    /// one.
+    /// one. `last_end` is why the chip was started.
     ///
     /// # Errors
     /// Why the image cannot be flown.
-    pub fn new(image: &[u8], key: Option<Key>) -> Result<Self, BootError> {
+    pub fn new(image: &[u8], key: Option<Key>, last_end: Ending) -> Result<Self, BootError> {
         let (config, vehicle_sha256) = image::decode(image).map_err(BootError::Image)?;
-        let setup = Setup { vehicle_sha256, program: VERSION, telemetry_every: 1 };
+        let setup = Setup { vehicle_sha256, program: VERSION, telemetry_every: 1, last_end };
         Ok(Self {
             craft: Craft::new(&config, setup).map_err(BootError::Config)?,
             key,
@@ -286,7 +286,7 @@ mod tests {
             deframer: Deframer::new(),
             now_ms: 0,
         };
-        test(&mut Program::new(GAINS_IMAGE, craft_key).unwrap(), &mut bench, &mut ground);
+        test(&mut Program::new(GAINS_IMAGE, craft_key, Ending::Watchdog).unwrap(), &mut bench, &mut ground);
     }
 
     /// Runs to the end of the next tick.
@@ -328,6 +328,7 @@ mod tests {
             let heard = ground.heard();
             let Message::Identity(identity) = heard[0] else { panic!("{:?}", heard[0]) };
             assert_eq!((identity.state, identity.program), (State::Disarmed, VERSION));
+            assert_eq!(heard[1], Message::LastEnd(Ending::Watchdog), "and why it was started");
             let telemetry = heard.iter().filter(|m| matches!(m, Message::Telemetry(_))).count();
             // What no one reads fills the buffer; the rest is left out and the loop goes on.
             assert!(telemetry > 10 && telemetry < 100, "{telemetry}");
@@ -457,6 +458,9 @@ mod tests {
     fn a_damaged_image_does_not_boot() {
         let mut image = GAINS_IMAGE.to_vec();
         image[100] ^= 1;
-        assert!(matches!(Program::new(&image, None), Err(BootError::Image(ImageError::Damaged))));
+        assert!(matches!(
+            Program::new(&image, None, Ending::Unknown),
+            Err(BootError::Image(ImageError::Damaged))
+        ));
     }
 }

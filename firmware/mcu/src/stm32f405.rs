@@ -17,7 +17,7 @@ use control::Config;
 use cortex_m::peripheral::NVIC;
 use cortex_m::peripheral::syst::SystClkSource;
 use embedded_hal_bus::spi::ExclusiveDevice;
-use proto::ImuSample;
+use proto::{Ending, ImuSample};
 use stm32f4xx_hal::adc::Adc;
 use stm32f4xx_hal::adc::config::{AdcConfig, SampleTime};
 use stm32f4xx_hal::gpio::{Analog, Output, PC2, Pin};
@@ -34,6 +34,7 @@ use crate::battery::Divider;
 use crate::board::Board;
 use crate::esc::{Escs, FRAME_US, IDLE_US, duty};
 use crate::imu::Mpu6000;
+use crate::reset;
 use crate::ring::{Ring, Serial};
 use crate::systick::Systick;
 
@@ -61,6 +62,15 @@ pub struct Stm32f405 {
     imu: Option<Mpu6000<ImuBus>>,
     watchdog: IndependentWatchdog,
     random: Option<[u8; 32]>,
+}
+
+/// Why the chip was reset. To be asked once: the flags are cleared, or the next reset would add its own to them.
+pub fn last_end() -> Ending {
+    // SAFETY: at the start nothing else uses the register, and only the bit that clears the flags is written.
+    let register = unsafe { &*pac::RCC::ptr() }.csr();
+    let flags = register.read().bits();
+    register.modify(|_, w| w.rmvf().set_bit());
+    reset::last_end(flags)
 }
 
 /// Sets the board up: motors at idle first, the watchdog last.

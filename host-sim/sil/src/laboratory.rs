@@ -102,7 +102,12 @@ impl Laboratory {
             let (field, value) = ("clock_skew", clock_skew.to_string());
             return Err(SilError::Plan { field, value, expected: "-0.5 to 1" });
         }
-        let setup = Setup { vehicle_sha256: [0; 32], program: [0, 1, 0], telemetry_every: 1 };
+        let setup = Setup {
+            vehicle_sha256: [0; 32],
+            program: [0, 1, 0],
+            telemetry_every: 1,
+            last_end: proto::Ending::Unknown,
+        };
         let program = ::craft::Craft::new(&plan.config, setup)?;
         let room = Room::new(plan, period_s)?;
         let tick_us = (nominal_s * 1e6).round() as u32;

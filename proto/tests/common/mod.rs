@@ -93,6 +93,7 @@ pub(crate) fn messages() -> Vec<Message> {
             state: State::Disarmed,
         }),
         Message::Answer(Answer { to: 7, done: true, preflight: 1 }),
+        Message::LastEnd(Ending::Watchdog),
     ]
 }
 

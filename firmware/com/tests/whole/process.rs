@@ -11,7 +11,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use crate::common::{Bench, Ground, Held, PATIENCE, Program, patient_law, signal};
-use proto::{Message, Request, State};
+use proto::{Ending, Message, Request, State};
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_com");
 
@@ -40,8 +40,8 @@ fn watchdog_was_stopped(bench: &Bench) -> bool {
     fs::read(bench.path("watchdog")).unwrap().ends_with(b"V")
 }
 
-/// Starts once more: what it says of the last end; and the craft is disarmed.
-fn next_start(bench: &Bench) -> String {
+/// Starts once more: what it says of the last end, in its log and to the ground; and the craft is disarmed.
+fn next_start(bench: &Bench) -> (String, Ending) {
     let mut program = Program::start(Path::new(PROGRAM), bench, |_| {});
     let line = program.wait_for("the last run");
     let mut held = Held::new(Ground::new(program.address()));
@@ -52,7 +52,7 @@ fn next_start(bench: &Bench) -> String {
     assert!(bench.is_idle());
     signal("TERM", program.child.id());
     assert_eq!(program.ended(), Some(0));
-    line
+    (line, held.ground.last_end.expect("the ground is told"))
 }
 
 /// What systemd runs behind a program that died, whatever the pulses are.
@@ -80,8 +80,9 @@ fn a_loop_that_is_killed_leaves_idle_motors() {
     assert!(took < SLACK, "{took:?}");
     println!("idle {took:?} after kill -9 of the loop (kill itself takes some ms)");
     assert!(watchdog_was_stopped(&bench), "the outputs are idle: the board need not be reset");
-    let said = next_start(&bench);
+    let (said, told) = next_start(&bench);
     assert!(said.contains("killed by signal 9"), "{said}");
+    assert_eq!(told, Ending::LoopDied);
 }
 
 #[test]
@@ -94,8 +95,9 @@ fn a_loop_that_hangs_is_killed_and_leaves_idle_motors() {
     assert_eq!(program.ended(), Some(1));
     assert!(took < SILENCE + SLACK, "{took:?}");
     assert!(took > SILENCE / 2, "{took:?}: the motors were idle for another reason");
-    let said = next_start(&bench);
+    let (said, told) = next_start(&bench);
     assert!(said.contains("no sign of life"), "{said}");
+    assert_eq!(told, Ending::LoopDied);
 }
 
 #[test]
@@ -114,8 +116,9 @@ fn a_loop_without_its_guardian_idles_the_motors() {
         std::thread::sleep(Duration::from_millis(5));
     }
     assert!(!watchdog_was_stopped(&bench), "nobody feeds the watchdog any more: it has to reset the board");
-    let said = next_start(&bench);
+    let (said, told) = next_start(&bench);
     assert!(said.contains("the guardian was killed"), "{said}");
+    assert_eq!(told, Ending::GuardianKilled);
 }
 
 #[test]
@@ -132,8 +135,9 @@ fn a_program_that_is_asked_to_stop_idles_the_motors_and_leaves() {
     assert_eq!(program.ended(), Some(0));
     assert!(took < SLACK, "{took:?}");
     assert!(watchdog_was_stopped(&bench));
-    let said = next_start(&bench);
+    let (said, told) = next_start(&bench);
     assert!(said.contains("SIGTERM or SIGINT"), "{said}");
+    assert_eq!(told, Ending::Stopped);
 }
 
 #[test]

@@ -202,7 +202,7 @@ mod target {
         core.SYST.clear_current();
         core.SYST.enable_counter();
         let boot = SYST::get_current();
-        let Ok(mut program) = Program::new(GAINS_IMAGE, Some(KEY)) else { mps2::fail() };
+        let Ok(mut program) = Program::new(GAINS_IMAGE, Some(KEY), mps2::last_end()) else { mps2::fail() };
         let boot = since(boot);
         let end = GroundEnd::new(0, Some(KEY), [2; 32]);
         let mut ground = Ground { end, deframer: Deframer::new(), now_ms: 0 };

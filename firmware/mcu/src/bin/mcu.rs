@@ -11,7 +11,7 @@ mod target {
 
     #[cortex_m_rt::entry]
     fn main() -> ! {
-        match Program::new(GAINS_IMAGE, LINK_KEY) {
+        match Program::new(GAINS_IMAGE, LINK_KEY, board::last_end()) {
             Ok(mut program) => {
                 let mut board = board::boot(program.config());
                 loop {

@@ -1,6 +1,6 @@
 //! What is recorded, and its JSON.
 
-use proto::{Answer, Command, Gains, Identity, Pose, Request, Telemetry, TimedPose};
+use proto::{Answer, Command, Ending, Gains, Identity, Pose, Request, Telemetry, TimedPose};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -64,13 +64,14 @@ pub enum Entry<'a> {
     Log(Level, &'a str),
     Transform(&'a Pose),
     Track(&'a [Pose]),
+    LastEnd(Ending),
 }
 
 /// Longest line for people that is recorded, characters: far below the longest record, whatever JSON makes of each.
 const MOST_WORDS: usize = 20_000;
 
 /// Topic and schema name of each entry, in the order of the channels.
-pub(super) const TOPICS: [(&str, &str); 11] = [
+pub(super) const TOPICS: [(&str, &str); 12] = [
     ("/telemetry", "quadlab.Telemetry"),
     ("/pose", "quadlab.TimedPose"),
     ("/command", "quadlab.Command"),
@@ -82,6 +83,7 @@ pub(super) const TOPICS: [(&str, &str); 11] = [
     ("/log", "foxglove.Log"),
     ("/tf", "foxglove.FrameTransform"),
     ("/track", "foxglove.PosesInFrame"),
+    ("/last_end", "quadlab.LastEnd"),
 ];
 
 impl Entry<'_> {
@@ -98,6 +100,7 @@ impl Entry<'_> {
             Self::Log(..) => 8,
             Self::Transform(_) => 9,
             Self::Track(_) => 10,
+            Self::LastEnd(_) => 11,
         }
     }
 
@@ -124,6 +127,7 @@ impl Entry<'_> {
             })),
             Self::Transform(pose) => of(&scene::transform(pose, &timestamp)),
             Self::Track(poses) => of(&scene::track(poses, &timestamp)),
+            Self::LastEnd(ending) => of(&json!({ "last_end": ending })),
         }
     }
 }

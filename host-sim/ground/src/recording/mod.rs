@@ -15,7 +15,7 @@
 //! |---|---|
 //! | `/telemetry` | from the craft, each tick |
 //! | `/pose`, `/command`, `/request`, `/gains` | to the craft |
-//! | `/identity`, `/answer` | from the craft |
+//! | `/identity`, `/last_end`, `/answer` | from the craft |
 //! | `/link` | delay, skew and losses, four times a second |
 //! | `/log` | what people were told (`foxglove.Log`) |
 //! | `/tf`, `/track` | where the craft is, and its way in the last minute, for Foxglove's 3-D panel (`foxglove.FrameTransform`, `foxglove.PosesInFrame`) |

@@ -2,7 +2,7 @@
 
 use logs::LEFT_OUT;
 use proto::{
-    Answer, Command, Counters, Gains, Identity, ImuSample, Loop, Mode, Pose, Refusal, Request, State,
+    Answer, Command, Counters, Ending, Gains, Identity, ImuSample, Loop, Mode, Pose, Refusal, Request, State,
     Supervision, Telemetry, TimedPose,
 };
 use serde_json::{Value, json};
@@ -37,7 +37,7 @@ fn sample_telemetry(pose: Pose) -> Telemetry {
 }
 
 /// A message of each topic with every field in it, to draw the schemas from.
-pub(super) fn samples() -> [Value; 11] {
+pub(super) fn samples() -> [Value; 12] {
     let pose = Pose { position_m: [0.5; 3], attitude_rad: [0.5; 3] };
     let telemetry = sample_telemetry(pose);
     let command = Command {
@@ -73,6 +73,7 @@ pub(super) fn samples() -> [Value; 11] {
         Entry::Log(Level::Info, "words"),
         Entry::Transform(&pose),
         Entry::Track(&[pose]),
+        Entry::LastEnd(Ending::Watchdog),
     ]
     .map(|entry| serde_json::from_str(&entry.json(0)).unwrap_or_default())
 }

@@ -1,6 +1,6 @@
 //! What a station keeps of the craft, the tracker, its packets, and what is due.
 
-use proto::{Identity, Telemetry};
+use proto::{Ending, Identity, Telemetry};
 
 use super::snapshot::Tracker;
 use super::stream_rate::StreamRate;
@@ -34,6 +34,8 @@ pub(super) struct CraftReports {
     /// Conditions in the tick in which the craft went into its state.
     pub(super) found: u32,
     pub(super) identity: Option<Identity>,
+    /// How it ended before it was started.
+    pub(super) last_end: Option<Ending>,
     /// Its telemetry has stopped.
     pub(super) silent: bool,
 }

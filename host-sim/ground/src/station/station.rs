@@ -1,6 +1,6 @@
 //! The station itself: what comes in goes to its parts, what is due goes out.
 use control::{Condition, Conditions, Preflight};
-use proto::{Identity, Message, Request, State, Telemetry, TimedPose, Timer};
+use proto::{Ending, Identity, Message, Request, State, Telemetry, TimedPose, Timer};
 
 use super::notices::{Notice, Notices};
 use super::parts::{CraftReports, Pending, Schedule, Tracking, Traffic};
@@ -76,6 +76,7 @@ impl Station {
             Ok(None) => {}
             Ok(Some(Message::Telemetry(telemetry))) => self.on_telemetry(now_us, telemetry),
             Ok(Some(Message::Identity(identity))) => self.on_identity(now_us, identity),
+            Ok(Some(Message::LastEnd(ending))) => self.on_last_end(now_us, ending),
             Ok(Some(Message::Answer(answer))) => {
                 self.record(now_us, &Entry::Answer(&answer));
                 self.on_answer(now_us, answer);
@@ -171,6 +172,17 @@ impl Station {
         }
         // Leave out what changes all the time: it does not make another craft.
         self.craft.identity = Some(Identity { state: State::Disarmed, ..identity });
+    }
+
+    /// Told once of each start: one that is started anew has been silent before.
+    fn on_last_end(&mut self, now_us: u64, ending: Ending) {
+        self.record(now_us, &Entry::LastEnd(ending));
+        let is_known = self.craft.last_end.replace(ending) == Some(ending);
+        if (is_known && !self.craft.silent) || ending == Ending::Unknown {
+            return;
+        }
+        let level = if ending.is_fault() { Level::Warning } else { Level::Info };
+        self.tell(now_us, level, format!("the craft was started: {ending}"));
     }
 
     fn on_answer(&mut self, now_us: u64, answer: proto::Answer) {
@@ -580,6 +592,27 @@ mod tests {
 
     fn count(sent: &[(u64, u64, Message)], of: fn(&Message) -> bool) -> usize {
         sent.iter().filter(|(_, _, message)| of(message)).count()
+    }
+
+    #[test]
+    fn how_a_craft_ended_last_is_told_once_of_each_start() {
+        let mut bench = Bench::new(Settings::default());
+        bench.run(0, 500, Some(State::Disarmed));
+        bench.told();
+        let end = |bench: &mut Bench, now_ms: u64, ending| {
+            bench.hear(now_ms * 1000, &Message::LastEnd(ending));
+            bench.told()
+        };
+        assert_eq!(end(&mut bench, 500, Ending::Unknown), "");
+        assert!(
+            end(&mut bench, 510, Ending::Watchdog).contains("the craft was started: its watchdog reset it")
+        );
+        assert_eq!(end(&mut bench, 520, Ending::Watchdog), "", "asked who it is once more");
+        assert!(end(&mut bench, 530, Ending::PowerOff).contains("its power was off"));
+        // The same again after a silence is another start.
+        bench.run(530, 3000, None);
+        bench.told();
+        assert!(end(&mut bench, 3540, Ending::PowerOff).contains("its power was off"));
     }
 
     #[test]

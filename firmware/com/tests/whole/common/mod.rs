@@ -17,8 +17,8 @@ use com::clock::monotonic_ms;
 use control::Config;
 use proto::imu_frame::{self, ImuFrame, MAX_STUFFED_LEN};
 use proto::{
-    Answer, CraftEnd, GroundEnd, Heard, ImuSample, Key, MAX_PACKET_LEN, Message, Pose, Refused, Request,
-    State, Telemetry, TimedPose,
+    Answer, CraftEnd, Ending, GroundEnd, Heard, ImuSample, Key, MAX_PACKET_LEN, Message, Pose, Refused,
+    Request, State, Telemetry, TimedPose,
 };
 use serial2::SerialPort;
 
@@ -198,6 +198,8 @@ pub(crate) struct Ground {
     /// The last of each.
     pub(crate) telemetry: Option<Telemetry>,
     pub(crate) answers: Vec<Answer>,
+    /// How the craft says that it ended before it was started.
+    pub(crate) last_end: Option<Ending>,
 }
 
 /// Packets that are right in all but their tags: whoever made them has another key.
@@ -230,7 +232,7 @@ impl Ground {
     fn with(craft: SocketAddr, end: GroundEnd) -> Self {
         let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
         socket.connect(craft).unwrap();
-        Self { socket, end, frame: 0, said: Vec::new(), telemetry: None, answers: Vec::new() }
+        Self { socket, end, frame: 0, said: Vec::new(), telemetry: None, answers: Vec::new(), last_end: None }
     }
 
     /// Says it if there is a session, and hello if there is none.
@@ -280,6 +282,7 @@ impl Ground {
                     return self.telemetry;
                 }
                 Some((_, Message::Answer(answer))) => self.answers.push(answer),
+                Some((_, Message::LastEnd(ending))) => self.last_end = Some(ending),
                 _ => {}
             }
         }
