@@ -123,6 +123,32 @@ impl Screen {
         Ok(screen)
     }
 
+    /// The same without some candidates: no row is formed again.
+    pub(crate) fn without(&self, out: &[Effect]) -> Self {
+        let kept: Vec<usize> =
+            (0..self.candidates.len()).filter(|&k| !out.contains(&self.candidates[k])).collect();
+        let candidates: Vec<Effect> = kept.iter().map(|&k| self.candidates[k]).collect();
+        let columns = self.problem.columns(&kept);
+        let with_residual: Vec<usize> =
+            columns.iter().copied().chain([self.problem.train.ncols() - 1]).collect();
+        let part = |of: &DMatrix<f64>, places: &[usize]| of.select_rows(places).select_columns(places);
+        let crossed = |of: &[DMatrix<f64>; 6]| of.each_ref().map(|cross| part(cross, &with_residual));
+        let problem = Problem {
+            groups: groups(&candidates),
+            train: part(&self.problem.train, &with_residual),
+            held_out: crossed(&self.problem.held_out),
+            effective_rows: self.problem.effective_rows,
+            admissible: columns.iter().map(|&k| self.problem.admissible[k]).collect(),
+        };
+        Self {
+            candidates,
+            problem,
+            flights: self.flights.iter().map(crossed).collect(),
+            meat: part(&self.meat, &columns),
+            left: columns.iter().map(|&k| self.left[k]).collect(),
+        }
+    }
+
     /// Coefficients must be possible within their errors.
     fn limit(&mut self, model: &Model) {
         let has_map = model.vehicle.has_rotor_map();

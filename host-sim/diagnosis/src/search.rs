@@ -165,10 +165,7 @@ impl<'a> Search<'a> {
             let screen = if out.is_empty() {
                 &self.screen
             } else {
-                let candidates = self.screen.candidates.iter().copied();
-                let rest: Vec<Effect> = candidates.filter(|e| !out.contains(e)).collect();
-                let from = current.as_ref().unwrap_or(&self.base);
-                again = Screen::new(&from.fit, &rest, self.train, self.validate)?;
+                again = self.screen_about(current.as_ref(), &out)?;
                 &again
             };
             let sets = self.promising(screen)?;
@@ -181,6 +178,14 @@ impl<'a> Search<'a> {
             current = Some(validated);
         }
         Ok((set, current))
+    }
+
+    /// The candidates but for those that are `out`, about a model that was found, or the base model.
+    fn screen_about(&self, found: Option<&Validated>, out: &[Effect]) -> Result<Screen, FitError> {
+        let Some(found) = found else { return Ok(self.screen.without(out)) };
+        let candidates = self.screen.candidates.iter().copied();
+        let rest: Vec<Effect> = candidates.filter(|effect| !out.contains(effect)).collect();
+        Screen::new(&found.fit, &rest, self.train, self.validate)
     }
 
     /// Every set of candidates that gains, linearised, best first.
@@ -422,6 +427,30 @@ mod tests {
             assert_eq!(supported(&chosen.findings), [Effect::QuadraticDrag]);
             let model = chosen.validated.unwrap().fit.model;
             assert!(model.has(Effect::QuadraticDrag) && !model.has(Effect::SteadyWind));
+        });
+    }
+
+    /// Against the rows formed again.
+    #[test]
+    fn candidates_that_are_out_change_nothing_for_the_others() {
+        let candidates = [Effect::SteadyWind, Effect::QuadraticDrag, Effect::MassChange, Effect::Tether];
+        with_search(&truth(), &candidates, |search| {
+            let out = [Effect::QuadraticDrag];
+            let less = search.screen_about(None, &out).unwrap();
+            let anew = search.screen_about(Some(&search.base), &out).unwrap();
+            assert_eq!(less.candidates, [Effect::SteadyWind, Effect::MassChange, Effect::Tether]);
+            assert_eq!(less.candidates, anew.candidates);
+            // A reward instead of a penalty: every set counts.
+            let penalty = -10.0;
+            let [less, anew] = [less, anew].map(|screen| screen.problem.search(SET, penalty));
+            assert!(less.len() > 3 && less.len() == anew.len());
+            for (less, anew) in less.iter().zip(&anew) {
+                assert_eq!(less.members, anew.members);
+                assert!((less.score - anew.score).abs() < 1e-6 * (1.0 + anew.score.abs()));
+                for (one, other) in less.values.iter().zip(&anew.values) {
+                    assert!((one - other).abs() < 1e-6 * (1.0 + other.abs()), "{one} {other}");
+                }
+            }
         });
     }
 
