@@ -251,7 +251,7 @@ proptest! {
     /// repeating and overwriting never panics, and what is accepted is a message that was sent.
     #[test]
     fn mutated_packets_are_refused_or_real(
-        which in 0_usize..12,
+        which in 0..messages().len(),
         keyed in any::<bool>(),
         edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0_u8..4), 1..8),
     ) {

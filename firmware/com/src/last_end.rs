@@ -54,7 +54,7 @@ impl LastEnd {
                     format!("{}: not readable; how the last run ended is unknown", path.display()),
                     Ending::Unknown,
                 ),
-                Ok(last) => (sentence(&last, &boot), ending(&last, &boot)),
+                Ok(last) => told(&last, &boot),
             },
         };
         self.write(RUNNING, None, boot)?;
@@ -79,25 +79,20 @@ impl LastEnd {
     }
 }
 
-fn sentence(last: &Record, boot: &str) -> String {
+/// How a run ended that has left this: in a sentence, and as the ground is told.
+fn told(last: &Record, boot: &str) -> (String, Ending) {
     match last.state.as_str() {
-        RUNNING if last.boot == boot => {
+        RUNNING if last.boot == boot => (
             format!(
                 "the last run's guardian (process {}) was killed; the loop, if it was alive, idled the outputs",
                 last.process
-            )
+            ),
+            Ending::GuardianKilled,
+        ),
+        RUNNING => {
+            ("the machine stopped during the last run: power lost, or reset".into(), Ending::ComputerStopped)
         }
-        RUNNING => "the machine stopped during the last run: power lost, or reset".into(),
-        how => format!("the last run ended: {how}"),
-    }
-}
-
-/// The same as the ground is told.
-fn ending(last: &Record, boot: &str) -> Ending {
-    match last.state.as_str() {
-        RUNNING if last.boot == boot => Ending::GuardianKilled,
-        RUNNING => Ending::ComputerStopped,
-        _ => last.ending.unwrap_or(Ending::Unknown),
+        how => (format!("the last run ended: {how}"), last.ending.unwrap_or(Ending::Unknown)),
     }
 }
 

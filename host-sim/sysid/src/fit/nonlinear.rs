@@ -4,6 +4,7 @@
 use std::ops::ControlFlow;
 
 use model::{Coefficient, Effect, Model};
+use nalgebra::DVector;
 
 use crate::fit::assembly::{assemble, follow_up, left_by, timing};
 use crate::fit::error::{FitError, check_finite, check_scales, not_converged, unidentifiable};
@@ -91,9 +92,7 @@ pub(crate) fn stay(flights: &[&Prepared], model: Model, layout: &Layout) -> Resu
     let solution = least_squares::solve_without_errors(&at.rows, &at.priors)
         .map_err(|why| unidentifiable(why, &layout.order))?;
     let values: Vec<f64> = layout.order.iter().flat_map(|effect| problem.values_of(*effect)).collect();
-    let reach =
-        Reach { values: values.into(), is_settled: true, is_small: true, steps: Vec::new(), part: 1.0 };
-    Ok(Fit { is_settled: false, ..problem.end(&at, solution, reach)? })
+    Ok(Fit { is_settled: false, ..problem.end(&at, solution, values.into())? })
 }
 
 /// A model that steps lead to what the flights show.
@@ -195,7 +194,7 @@ impl<'a> Nonlinear<'a> {
     }
 
     /// The fit where the last step has ended, with errors for coloured residuals.
-    fn end(&self, at: &Linearised, solution: Solution, reach: Reach) -> Result<Fit, FitError> {
+    fn end(&self, at: &Linearised, solution: Solution, value: DVector<f64>) -> Result<Fit, FitError> {
         let Self { flights, layout, model, .. } = self;
         check_scales(model, &layout.adjusting)?;
         let surplus = slung_load::of_model(model).map(|carried| {
@@ -208,13 +207,13 @@ impl<'a> Nonlinear<'a> {
         if let Some(surplus) = surplus {
             solution.covariance += surplus;
         }
-        Ok(finish(model.clone(), &layout.order, Solution { value: reach.values, ..solution }))
+        Ok(finish(model.clone(), &layout.order, Solution { value, ..solution }))
     }
 }
 
 /// Where a step leads.
 struct Reach {
-    values: nalgebra::DVector<f64>,
+    values: DVector<f64>,
     /// Whether it is small against its own standard error.
     is_settled: bool,
     /// Whether it leaves the columns nearly as they are.
@@ -275,7 +274,7 @@ impl Problem for Nonlinear<'_> {
         self.last = Some((self.model.clone(), at.left));
         store(&mut self.model, &self.layout.order, reach.values.as_slice());
         if is_settled && !self.is_rough {
-            return self.end(&at, solution, reach).map(ControlFlow::Break);
+            return self.end(&at, solution, reach.values).map(ControlFlow::Break);
         }
         self.kept = (self.is_full && reach.is_small).then_some(at.rows);
         self.last_step = reach.steps;
