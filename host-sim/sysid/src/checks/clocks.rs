@@ -430,3 +430,110 @@ fn lagrange(t: &[f64], y: &[f64; 4], time: f64) -> f64 {
         })
         .sum()
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Vehicle;
+
+    use super::*;
+    use crate::testing::{Row, flight, waving_with_imu};
+
+    fn clock(offset_s: f64, skew: f64) -> Clock {
+        let least = [MATTERS_S, MATTERS_SKEW];
+        let (offset_std_error_s, skew_std_error) = (4e-4, 2e-4);
+        let middle_s = 10.0;
+        Clock { offset_s, offset_std_error_s, skew, skew_std_error, matters: false, middle_s, least }.judged()
+    }
+
+    /// Stamps that run ahead are those of a fast tracker, or of a slow board where the tracker keeps time.
+    #[test]
+    fn a_clock_says_what_is_late_and_whose_pace_is_wrong() {
+        let said = |offset_s, skew, board_keeps_time| {
+            clock(offset_s, skew).sentence("x, y, z", "the IMU", board_keeps_time)
+        };
+        assert_eq!(said(0.0312, 0.0, false), "x, y, z are 31.20 ± 0.40 ms late relative to the IMU");
+        let ahead = said(-0.0312, 0.0118, false);
+        assert!(ahead.starts_with("x, y, z are 31.20 ± 0.40 ms early"), "{ahead}");
+        assert!(ahead.contains("and the clock on board runs 1.18") && ahead.ends_with(" slow"), "{ahead}");
+        for (skew, keeps, end) in [(0.0118, true, "fast"), (-0.0118, true, "slow"), (-0.0118, false, "fast")]
+        {
+            let whose = if keeps { "the tracker's clock" } else { "the clock on board" };
+            let said = said(0.0312, skew, keeps);
+            assert!(said.contains(whose) && said.ends_with(end), "{said}");
+        }
+        // 1 % for ten seconds after the middle.
+        assert!((clock(0.02, 0.01).shift_s(20.0) - 0.12).abs() < 1e-15);
+    }
+
+    #[test]
+    fn a_position_without_a_clock_of_its_own_shares_that_of_the_attitude() {
+        // Two milliseconds are a fifth of a sample, and a skew of three standard errors is chance.
+        assert!(!clock(0.002, 6e-4).matters && clock(-0.004, 0.0).matters && clock(0.0, 9e-4).matters);
+        let of = |attitude, position| Clocks { attitude, position, ..Clocks::default() }.correction();
+        let moved = |attitude, position| {
+            let found: Correction = of(attitude, position)?;
+            Some([found.position, found.attitude].map(|clock| clock.map(|c| c.offset_s)))
+        };
+        let (late, right) = (Some(clock(0.03, 0.0)), Some(clock(0.001, 0.0)));
+        assert_eq!(moved(late, None), Some([Some(0.03), Some(0.03)]));
+        assert_eq!(moved(late, right), Some([None, Some(0.03)]));
+        assert_eq!(moved(right, late), Some([Some(0.03), None]));
+        assert_eq!((moved(right, None), moved(None, None)), (None, None));
+    }
+
+    /// The tracker's rows show what was 30 ms before: three samples.
+    #[test]
+    fn a_late_tracker_is_found_out_and_its_columns_are_brought_forward() {
+        let mut late = waving_with_imu(2000, |force, _| force);
+        let columns = [Column::X, Column::Y, Column::Z, Column::Phi, Column::Theta, Column::Psi];
+        let right = columns.map(|column| late.required(column).to_vec());
+        let was = flight(2000, |t, row| {
+            let mut before = Row::hover(t - 0.03);
+            before.wave();
+            (row.position_ned_m, row.euler_rad) = (before.position_ned_m, before.euler_rad);
+        });
+        columns.iter().for_each(|&column| late.replace(column, was.required(column).to_vec()));
+        let clocks = Clocks::of(&Prepared::new(&late, &Vehicle::thesis()).unwrap(), 9.81);
+        let found = clocks.attitude.unwrap();
+        assert!(found.matters && (found.offset_s - 0.03).abs() < 1e-5, "{found:?}");
+        let aligned = align(&late, &clocks.correction().unwrap());
+        assert_eq!(aligned.required(Column::P), late.required(Column::P));
+        for (column, right) in columns.into_iter().zip(&right) {
+            let pairs = aligned.required(column).iter().zip(right);
+            // Waves of 2 m/s at most, moved to a hundredth of a millisecond; the last rows were not seen.
+            let worst = pairs.take(1990).map(|(value, right)| (value - right).abs()).skip(10);
+            let worst = worst.fold(0.0, |worst: f64, off| if off < worst { worst } else { off });
+            assert!(worst < 2e-5, "{column:?}: {worst}");
+        }
+        let mended = of_position(&Prepared::new(&aligned, &Vehicle::thesis()).unwrap()).unwrap();
+        assert!(!mended.matters && mended.offset_s.abs() < 1e-5, "{mended:?}");
+    }
+
+    #[test]
+    fn cubics_are_read_between_samples_across_a_whole_turn_and_not_across_a_gap() {
+        let cubic = |t: f64| 0.2 * (t - 3.0) + 5e-3 * (t - 4.0).powi(2) + 1.5e-4 * (t - 5.0).powi(3);
+        let mut t: Vec<f64> = (0..20).map(f64::from).collect();
+        let even: Vec<f64> = t.iter().map(|t| cubic(*t)).collect();
+        for place in [1.0, 2.3, 7.75, 16.5] {
+            assert!((interpolated(&even, place) - cubic(place)).abs() < 1e-12, "{place}");
+        }
+        // Uneven, and a gap of twenty periods behind the tenth.
+        t.iter_mut()
+            .enumerate()
+            .for_each(|(k, t)| *t += 0.1 * (k % 3) as f64 + if k > 10 { 20.0 } else { 0.0 });
+        let angles: Vec<f64> = t.iter().map(|t| cubic(*t)).collect();
+        let turn = std::f64::consts::TAU;
+        let wrapped: Vec<f64> = angles.iter().map(|a| a - turn * (a / turn).round()).collect();
+        let read = read_at(&t, &wrapped, |t| t + 0.4, true);
+        for k in 1..17 {
+            let expected = match k {
+                // Beside the gap, along a straight line.
+                9 | 11 => angles[k] + 0.4 / (t[k + 1] - t[k]) * (angles[k + 1] - angles[k]),
+                _ => cubic(t[k] + 0.4),
+            };
+            let off = read[k] - expected;
+            assert!(k == 10 || (off - turn * (off / turn).round()).abs() < 1e-9, "{k}: {off}");
+            assert_eq!(read[k].is_nan(), k == 10, "{k}");
+        }
+    }
+}

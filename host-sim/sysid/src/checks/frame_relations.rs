@@ -203,3 +203,94 @@ fn sum_of_squares(flight: &Prepared, stretch: &Stretch, vehicle: &Vehicle) -> Ve
         stretch.rotors(vehicle, &model::Adjustments::default(), flight.period_s, flight.rotor_late_s());
     (0..stretch.time_s.len()).map(|k| rotors.iter().map(|r| r.speed_rad_s[k].powi(2)).sum()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use model::frames;
+
+    use super::*;
+    use crate::testing::{NONE, fly, prepared, truth};
+
+    /// Rows of a craft of 9.81 m/s^2 that tilts and pulls: 7 m/s^2 with its rotors, 2.81 besides, less 0.3 a second of drag,
+    /// in a wind of 0.4 m/s^2 to the north and -0.2 to the east. The rotors as logged vary by `told` times what they do.
+    fn tilting(count: usize, told: f64) -> Seen {
+        let row = |k: usize| {
+            let wave = |w: f64| (w * k as f64).sin();
+            let down = Vector3::new(0.25 * wave(0.13), 0.2 * wave(0.17), 1.0).normalize();
+            let velocity = Vector3::new(wave(0.11), wave(0.19), 0.5 * wave(0.07));
+            let pull = |part: f64| down * (1.0 + 0.3 * part * wave(0.23));
+            let push = Vector3::new(0.4, -0.2, 9.81);
+            let acceleration = push - 7.0 * pull(1.0) - 2.81 * down - 0.3 * velocity;
+            ForceRow { acceleration, velocity, down, pull: pull(told) }
+        };
+        Seen { lags: None, rows: (0..count).map(row).collect(), gravity: 9.81, thrust_varies: true }
+    }
+
+    #[test]
+    fn thrust_drag_and_wind_are_told_apart() {
+        let seen = tilting(400, 1.0);
+        let measured: Vec<Vector3<f64>> = seen.rows.iter().map(|row| row.acceleration).collect();
+        let columns = |r: &ForceRow| [-r.pull, -r.down, -r.velocity, Vector3::x(), Vector3::y()];
+        let found = seen.solve(&measured, columns, [true; 5]);
+        for (found, expected) in found.iter().zip([7.0, 2.81, 0.3, 0.4, -0.2]) {
+            // What holds the two thrusts together is a thousandth of what tells them apart.
+            assert!((found - expected).abs() < 0.02, "{found}, not {expected}");
+        }
+        let without_drag = seen.solve(&measured, columns, [true, true, false, true, true]);
+        assert_eq!(without_drag[2], 0.0);
+        assert!(seen.force(Axes::SAME, 1.0).is_some_and(|worst| worst > 0.999));
+    }
+
+    #[test]
+    fn a_thrust_that_is_too_large_or_falls_with_the_rotors_is_no_explanation() {
+        assert_eq!(tilting(400, 1.0).force(Axes::SAME, 1e3), Some(-1.0));
+        let upside_down = Axes { from: [0, 1, 2], sign: [1.0, 1.0, -1.0] };
+        let contradicted =
+            [tilting(400, -1.0).force(Axes::SAME, 1.0), tilting(400, 1.0).force(upside_down, 1.0)];
+        assert!(contradicted.iter().all(|relation| below(*relation, -0.9)), "{contradicted:?}");
+        // Two seconds, and motion of more than millimetres.
+        assert_eq!(tilting(LEAST_ROWS - 1, 1.0).force(Axes::SAME, 1.0), None);
+        assert_eq!(tilting(400, 1.0).force(Axes::SAME, 1e-3), None);
+        assert!(!below(None, 1.0));
+    }
+
+    /// Streams that differ by a factor k are alike by 2 k / (1 + k^2): 0.8 for double rates.
+    #[test]
+    fn rates_of_another_size_or_sign_are_not_those_of_the_attitude() {
+        let seen = |factor: f64| {
+            let flight = prepared(1200, |_, row| {
+                row.wave();
+                row.rate_rad_s = row.rate_rad_s.map(|rate| factor * rate);
+            });
+            Seen::new(&flight, &Vehicle::thesis(), frames::dcm_from_euler)
+        };
+        let mirrored = Axes { from: [0, 1, 2], sign: [-1.0; 3] };
+        for (factor, expected) in [(1.0, 1.0), (2.0, 0.8), (0.5, 0.8)] {
+            let found = seen(factor).rates(&[Axes::SAME, mirrored]);
+            // The best of all shifts gains a little by what falls off the ends.
+            assert!((found[0].unwrap() - expected).abs() < 5e-4, "{factor}: {found:?}");
+            assert!(below(found[1], 0.0), "{factor}: {found:?}");
+        }
+        let still = Seen::new(&prepared(1200, |_, _| {}), &Vehicle::thesis(), frames::dcm_from_euler);
+        assert_eq!(still.rates(&[Axes::SAME]), [None]);
+    }
+
+    /// A quarter of a turn to the right: north becomes east, east becomes south.
+    #[test]
+    fn turning_the_tracked_frame_about_the_vertical_changes_nothing() {
+        let model = truth();
+        let flight = Prepared::new(&fly(&model, 1, 12.0, &NONE), &model.vehicle).unwrap();
+        let quarter = |euler: Vector3<f64>| {
+            frames::dcm_from_euler(euler + Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2))
+        };
+        let right = Axes { from: [1, 0, 2], sign: [-1.0, 1.0, 1.0] };
+        let seen = Seen::new(&flight, &model.vehicle, frames::dcm_from_euler);
+        let turned = Seen::new(&flight, &model.vehicle, quarter);
+        let (as_it_is, both) = (seen.force(Axes::SAME, 1.0).unwrap(), turned.force(right, 1.0).unwrap());
+        assert!(as_it_is > 0.99 && (as_it_is - both).abs() < 1e-9, "{as_it_is} {both}");
+        // One without the other contradicts itself.
+        assert!(below(turned.force(Axes::SAME, 1.0), 0.5) && below(seen.force(right, 1.0), 0.5));
+        let rates = [&seen, &turned].map(|seen| seen.rates(&[Axes::SAME])[0].unwrap());
+        assert!((rates[0] - rates[1]).abs() < 1e-9, "{rates:?}");
+    }
+}

@@ -188,3 +188,107 @@ impl Sensor {
         )
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Vector3;
+    use rand::{RngExt, SeedableRng};
+
+    use super::*;
+
+    const SENSOR: Sensor = Sensor {
+        name: "sensor",
+        columns: ["a", "b", "c"],
+        tracked: "the tracked one",
+        unit: "m/s^2",
+        drift_matters: 0.1,
+    };
+
+    /// Waves of amplitude 1 on three axes, as the sensor and as the tracker make them, for some rows at 100 Hz.
+    fn rows(
+        count: usize,
+        sensed: impl Fn(f64, Vector3<f64>) -> Vector3<f64>,
+        mut tracked: impl FnMut(Vector3<f64>) -> Vector3<f64>,
+    ) -> Rows {
+        let mut rows = Rows::new(0.01);
+        rows.begin();
+        for k in 0..count {
+            let t = 0.03 * k as f64;
+            let wave = Vector3::new((1.9 * t).sin(), (2.3 * t + 1.0).sin(), (3.1 * t + 2.0).sin());
+            rows.push(t, sensed(t, wave).into(), tracked(wave).into());
+        }
+        rows
+    }
+
+    /// The sensor's third axis drifts by 0.02 a second.
+    #[test]
+    fn what_a_sensor_makes_of_the_true_vector_is_found_beside_bias_and_drift() {
+        let own = Matrix3::new(1.1, 0.03, 0.0, -0.02, 0.9, 0.0, 0.0, 0.0, 1.0);
+        let sensed = |t: f64, v: Vector3<f64>| own * v + Vector3::new(0.5, -0.3, 0.02 * t);
+        let found = rows(400, sensed, |v| v).sensor_by_tracked().unwrap();
+        assert!((found.matrix - own).norm() < 1e-9, "{}", found.matrix);
+        for ((slope, _), expected) in found.drift.iter().zip([0.0, 0.0, 0.02]) {
+            assert!((slope - expected).abs() < 1e-9, "{:?}", found.drift);
+        }
+        // Twelve seconds less one row: 3 in a hundred seconds.
+        assert!((found.length_s - 11.97).abs() < 1e-9);
+        assert!(rows(299, sensed, |v| v).sensor_by_tracked().is_none());
+    }
+
+    /// White noise of variance 1/12 on waves of variance 1/2 makes factors a seventh too small either way.
+    #[test]
+    fn noise_of_both_is_no_fault_of_scale_and_what_is_larger_is_so_either_way() {
+        let seed = 5;
+        println!("seed {seed}");
+        let noise = std::cell::RefCell::new(rand_pcg::Pcg64Mcg::seed_from_u64(seed));
+        let draw = |size: f64| Vector3::from_fn(|_, _| size * (noise.borrow_mut().random::<f64>() - 0.5));
+        let noisy = rows(2000, |_, v| v + draw(1.0), |v| v + draw(1.0));
+        let (one, either) = (noisy.sensor_by_tracked().unwrap(), noisy.sensor_either_way().unwrap());
+        for axis in 0..3 {
+            let by_tracked = one.matrix[(axis, axis)];
+            // 2000 rows know it to a hundredth.
+            assert!((by_tracked - 7.0 / 6.0).abs() < 0.03, "{by_tracked}");
+            assert_eq!(either.matrix[(axis, axis)], 1.0);
+        }
+        let larger = rows(2000, |_, v| 1.2 * v + draw(0.1), |v| v + draw(0.1)).sensor_either_way().unwrap();
+        assert!((larger.matrix - Matrix3::from_diagonal_element(1.2)).amax() < 0.01, "{}", larger.matrix);
+    }
+
+    /// Turned by 0.05 rad, out of square by 0.05, or both.
+    #[test]
+    fn a_turned_sensor_has_no_fault_and_a_crooked_one_where_both_axes_tell() {
+        let faults = |ab: f64, ba: f64, tells| {
+            let matrix = Matrix3::new(1.0, ab, 0.0, ba, 1.0, 0.0, 0.0, 0.0, 1.0);
+            let error = Matrix3::from_element(0.001);
+            Linear { matrix, error, drift: [(0.0, 1e-4); 3], length_s: 40.0 }.faults(&SENSOR, tells)
+        };
+        assert_eq!(faults(0.05, -0.05, [true; 3]), [""; 0]);
+        for (ab, ba) in [(0.05, 0.05), (0.1, 0.0)] {
+            let found = faults(ab, ba, [true; 3]);
+            assert_eq!(found.len(), 1, "{found:?}");
+            let start = "the sensor's a and b are not at right angles: each measures 5.0";
+            assert!(found[0].starts_with(start), "{found:?}");
+            assert_eq!(faults(ab, ba, [true, false, true]), [""; 0]);
+        }
+    }
+
+    /// 3 % of scale with an error of 0.5 % stands out and matters, with one of 1 % it could be chance; 1 % never matters.
+    #[test]
+    fn a_fault_has_to_matter_and_to_stand_out_from_its_error() {
+        let faults = |scale: f64, error: f64, slope: f64| {
+            let matrix = Matrix3::from_diagonal(&Vector3::new(1.0, scale, 1.0));
+            let drift = [(0.0, 1e-5), (0.0, 1e-5), (slope, 1e-4)];
+            let error = Matrix3::from_element(error);
+            Linear { matrix, error, drift, length_s: 40.0 }.faults(&SENSOR, [true; 3])
+        };
+        let found = faults(1.03, 0.005, 0.0);
+        assert!(found.len() == 1 && found[0].starts_with("the sensor's b is 3.0"), "{found:?}");
+        assert!(found[0].contains("larger than") && found[0].contains("scale = 0.971"), "{found:?}");
+        assert_eq!((faults(1.03, 0.01, 0.0), faults(0.99, 1e-4, 0.0)), (Vec::new(), Vec::new()));
+        // Over 40 s: 0.08, and 0.2 m/s^2 of 0.3 m/s^2 in a minute.
+        assert_eq!(faults(1.0, 0.001, 0.002), [""; 0]);
+        let drifts = faults(1.0, 0.001, -0.005);
+        let start = "the bias of the sensor's c drifts by -0.30";
+        assert!(drifts.len() == 1 && drifts[0].starts_with(start), "{drifts:?}");
+    }
+}

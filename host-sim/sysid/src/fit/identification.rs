@@ -149,3 +149,79 @@ fn ordinary(model: &Model, adjusting: &[Effect], start: Option<&Model>, side: f6
     }
     model
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, prepared, truth};
+
+    #[test]
+    fn a_craft_flown_without_noise_gives_its_coefficients_back() {
+        let model = truth();
+        let flights =
+            [1, 2].map(|seed| Prepared::new(&fly(&model, seed, 12.0, &NONE), &model.vehicle).unwrap());
+        let fit = fit(&flights.each_ref(), &model.vehicle, &model.effects(), None).unwrap();
+        assert!(fit.is_settled);
+        for effect in [Effect::Thrust, Effect::LinearDrag, Effect::RotorMoments] {
+            let [found, right] = [&fit.model, &model].map(|of| of.term(effect).unwrap().values());
+            for (found, right) in found.iter().zip(&right) {
+                // The mean state of two samples stands for what is between them.
+                assert!((found / right - 1.0).abs() < 0.002, "{effect}: {found}, not {right}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_flights_or_with_moments_but_not_the_rotors_there_is_no_fit() {
+        let flight = prepared(400, |_, _| {});
+        let vehicle = Vehicle::thesis();
+        let refused = |flights: &[&Prepared], effects: &[Effect]| fit(flights, &vehicle, effects, None).err();
+        assert_eq!(refused(&[], &[Effect::Thrust]), Some(FitError::NoFlights));
+        let effects = [Effect::Thrust, Effect::AngularDamping];
+        assert_eq!(refused(&[&flight], &effects), Some(FitError::NoRotation { effect: "angular-damping" }));
+        // A craft that hovers has no speed by which drag could be seen.
+        let what = refused(&[&flight], &[Effect::Thrust, Effect::LinearDrag]);
+        assert!(matches!(what, Some(FitError::NotExcited { effect: "linear-drag", .. })), "{what:?}");
+    }
+
+    /// 440 rows at 12 V and 140 at 10 V: 6680 V over 580 rows.
+    #[test]
+    fn a_fit_begins_at_the_mean_voltage_of_all_rows_with_the_adjusting_values_that_are_known() {
+        let flights = [(500, 12.0), (200, 10.0)].map(|(samples, volts)| {
+            let flight = prepared(samples, |_, row| row.battery_v = volts);
+            assert_eq!(flight.rows(), samples - 60);
+            flight
+        });
+        let effects = [Effect::Thrust, Effect::MassChange, Effect::SteadyWind];
+        let vehicle = Vehicle::thesis();
+        let anew = beginning(&flights.each_ref(), &vehicle, &effects, None);
+        assert!((anew.reference.battery_v - 6680.0 / 580.0).abs() < 1e-9, "{}", anew.reference.battery_v);
+        assert!(anew.terms.iter().flat_map(|term| term.values()).all(|value| value == 0.0));
+        let mut known = truth();
+        known.set(Effect::MassChange, &[0.3]);
+        let again = beginning(&flights.each_ref(), &vehicle, &effects, Some(&known));
+        assert_eq!(again.reference.battery_v, 11.5);
+        assert_eq!(again.effects(), effects);
+        assert_eq!(again.term(Effect::MassChange).unwrap().values(), [0.3]);
+        // A linear coefficient is solved for, wherever it was.
+        assert_eq!(again.term(Effect::Thrust).unwrap().values(), [0.0]);
+    }
+
+    /// Less on one axis is worth more on another: what counts is the product over all.
+    #[test]
+    fn of_several_ends_the_one_that_leaves_least_is_taken() {
+        let end = |sigma: [f64; 6]| {
+            let covariance = nalgebra::DMatrix::zeros(0, 0);
+            Ok(Fit { model: truth(), sigma, covariance, condition: 1.0, is_settled: true })
+        };
+        let plain = [1.0; 6];
+        let better = [0.1, 5.0, 1.0, 1.0, 1.0, 1.0];
+        let worse = [0.5, 5.0, 1.0, 1.0, 1.0, 1.0];
+        let failed = |effect| Err(FitError::NoRotation { effect });
+        let taken = |ends: Vec<Result<Fit, FitError>>| least_left(ends.into_iter()).map(|fit| fit.sigma);
+        assert_eq!(taken(vec![end(plain), end(better), end(worse)]), Ok(better));
+        assert_eq!(taken(vec![end(worse), failed("a"), end(plain), failed("b")]), Ok(plain));
+        assert_eq!(taken(vec![failed("a"), failed("b")]), Err(FitError::NoRotation { effect: "a" }));
+        assert_eq!(taken(Vec::new()), Err(FitError::NoFlights));
+    }
+}

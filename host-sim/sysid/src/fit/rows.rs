@@ -347,3 +347,89 @@ impl FilteredRows {
         Some(row)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Pendulum;
+
+    use super::*;
+    use crate::testing::{NONE, fly, prepared, truth};
+
+    /// Heading east, pushed north by 0.6, east by 0.2 and up by 0.4 m/s^2: 0.2 forwards, 0.6 to the left. The gyro's
+    /// rates grow by 0.7, -0.3 and 0.1 rad/s^2.
+    #[test]
+    fn targets_are_the_specific_force_along_the_body_axes_and_the_slopes_of_the_rates() {
+        let flight = prepared(400, |t, row| {
+            row.position_ned_m = [0.3 * t * t, 0.1 * t * t, -0.2 * t * t];
+            row.euler_rad = [0.0, 0.0, std::f64::consts::FRAC_PI_2];
+            row.rate_rad_s = [0.7 * t, -0.3 * t, 0.1 * t];
+        });
+        let targets = flight.targets(&Vehicle::thesis(), &Adjustments::default(), 7);
+        for (target, expected) in targets.iter().zip([0.2, -0.6, -10.21, 0.7, -0.3, 0.1]) {
+            assert_eq!(target.len(), flight.rows().div_ceil(7));
+            // Parabolas come out exactly; positions of some metres are differentiated twice.
+            assert!(target.iter().all(|value| (value - expected).abs() < 1e-9), "{expected}: {}", target[0]);
+        }
+    }
+
+    /// A tenth of a metre ahead of a centre that rests, a point is pulled inwards by 0.8^2 * 0.1 m/s^2.
+    #[test]
+    fn a_point_that_circles_about_a_resting_centre_feels_no_force_once_its_lever_is_known() {
+        let flight = prepared(400, |t, row| {
+            let (sin, cos) = (0.8 * t).sin_cos();
+            row.position_ned_m = [0.1 * cos, 0.1 * sin, -1.0];
+            row.euler_rad = [0.0, 0.0, 0.8 * t];
+            row.rate_rad_s = [0.0, 0.0, 0.8];
+        });
+        let mut vehicle = Vehicle::thesis();
+        let check = |vehicle: &Vehicle, inwards: f64| {
+            let targets = flight.targets(vehicle, &Adjustments::default(), 1);
+            for (target, expected) in targets.iter().zip([inwards, 0.0, -9.81]) {
+                // The filter lets 0.8 rad/s pass but for a part in 10^6.
+                assert!(target.iter().all(|v| (v - expected).abs() < 1e-7), "{expected}: {}", target[0]);
+            }
+        };
+        check(&vehicle, -0.064);
+        vehicle.tracked_point = [0.1, 0.0, 0.0];
+        check(&vehicle, 0.0);
+    }
+
+    /// The plant integrates, preparation differentiates: both sides of each row are one motion.
+    #[test]
+    fn columns_times_the_coefficients_that_flew_are_the_targets() {
+        let model = truth();
+        let flight = Prepared::new(&fly(&model, 3, 8.0, &NONE), &model.vehicle).unwrap();
+        let stride = flight.fit_stride();
+        let targets = flight.targets(&model.vehicle, &model.adjustments(), stride);
+        let columns = flight.columns(&model.effects(), &model, stride, None);
+        let values: Vec<f64> = model.terms.iter().flat_map(|term| term.values()).collect();
+        assert_eq!(columns.len(), values.len());
+        for (axis, target) in targets.iter().enumerate() {
+            let (mut left, mut all) = (0.0, 0.0);
+            for (row, target) in target.iter().enumerate() {
+                let part = |(column, value): (&RowColumn, &f64)| {
+                    column[axis].as_ref().map_or(0.0, |column| column[row] * value)
+                };
+                let told: f64 = columns.iter().zip(&values).map(part).sum();
+                left += (target - told).powi(2);
+                all += target.powi(2);
+            }
+            // The mean state of two samples stands for what is between them.
+            assert!(left < 0.003_f64.powi(2) * all, "axis {axis}: {}", (left / all).sqrt());
+        }
+    }
+
+    /// Along (0.6, 0, 0.8), a force of (1, 2, 3) is 3: half of it is 1.5 times that direction.
+    #[test]
+    fn a_cable_takes_its_part_of_a_force_along_it_and_nothing_across() {
+        let hung = Pendulum { direction: Vector3::new(0.6, 0.0, 0.8), ..Pendulum::default() };
+        let mut forces = [1.0, 2.0, 3.0, -0.8, 5.0, 0.6];
+        carry(&mut forces, Some(0.5), &hung.direction);
+        for (force, expected) in forces.iter().zip([0.1, 2.0, 1.8, -0.8, 5.0, 0.6]) {
+            assert!((force - expected).abs() < 1e-15, "{forces:?}");
+        }
+        let before = forces;
+        carry(&mut forces, None, &hung.direction);
+        assert_eq!(forces, before);
+    }
+}

@@ -250,3 +250,150 @@ pub(crate) fn append_turned_back(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{Model, SampleInput, State};
+
+    use super::*;
+    use crate::testing::truth;
+
+    /// What was added, in order.
+    #[derive(Default)]
+    struct Added(Vec<(Axis, usize, f64)>);
+
+    impl Sink for Added {
+        fn add(&mut self, axis: Axis, parameter: usize, value: f64) {
+            self.0.push((axis, parameter, value));
+        }
+    }
+
+    fn added(terms: &impl Terms, sample: &Sample) -> Vec<(Axis, usize, f64)> {
+        let mut sink = Added::default();
+        terms.evaluate(sample, &mut sink);
+        sink.0
+    }
+
+    /// Rotors at 600 rad/s, 2 m/s forwards, 1 to the left, 0.5 down, and turning.
+    fn moving(plant: &Plant) -> SampleInput {
+        let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
+        state.velocity_m_s = Vector3::new(2.0, -1.0, 0.5);
+        state.rate_rad_s = Vector3::new(0.4, -0.3, 0.2);
+        plant.input(&state, &[600.0; 4], 12.0)
+    }
+
+    /// The thesis' craft has 1.214 kg and beta = 4.100726391e-4 kg m.
+    #[test]
+    fn parameters_follow_those_of_the_effect_before_and_an_adjusting_effect_has_none() {
+        let plant = Plant::new(&Model::new(model::Vehicle::thesis()));
+        let input = moving(&plant);
+        let terms = LinearEffects::new(&[Effect::Thrust, Effect::MassChange, Effect::LinearDrag]);
+        assert_eq!((terms.count(), coefficient_count(Effect::MassChange)), (4, 0));
+        let expected = [
+            (Axis::W, 0, -4.0 * 600.0 * 600.0 * 4.100726391e-4 / 1.214),
+            (Axis::U, 1, 2.0 / 1.214),
+            (Axis::V, 2, -1.0 / 1.214),
+            (Axis::W, 3, 0.5 / 1.214),
+        ];
+        let found = added(&terms, &plant.sample_of(&input));
+        assert_eq!(found.len(), expected.len());
+        for (found, expected) in found.iter().zip(expected) {
+            assert_eq!((found.0, found.1), (expected.0, expected.1));
+            assert!((found.2 / expected.2 - 1.0).abs() < 1e-9, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn predictions_come_after_linear_terms_and_are_their_sum() {
+        let model = truth();
+        let mut weak = model.clone();
+        weak.set(Effect::Thrust, &[0.5 * model.term(Effect::Thrust).unwrap().values()[0]]);
+        let plants = [&model, &weak].map(Plant::new);
+        let input = moving(&plants[0]);
+        let both = Both {
+            linear: LinearEffects::new(&model.effects()),
+            predictions: Predictions(plants.iter().collect()),
+        };
+        let values: Vec<f64> = model.terms.iter().flat_map(|term| term.values()).collect();
+        assert_eq!(both.count(), values.len() + 2);
+        let mut rows = [[0.0; 3]; 6];
+        for (axis, parameter, value) in added(&both, &plants[0].sample_of(&input)) {
+            let [sum, predicted @ ..] = &mut rows[axis.index()];
+            match parameter.checked_sub(values.len()) {
+                None => *sum += values[parameter] * value,
+                Some(model) => predicted[model] += value,
+            }
+        }
+        for [sum, predicted, _] in rows {
+            // Moments of some 20 rad/s^2 cancel.
+            assert!((sum - predicted).abs() < 1e-12, "{rows:?}");
+        }
+        // Half of the thrust and all of the drag, -0.5 m/s times C_dw a mass.
+        let drag = 0.5 * model.term(Effect::LinearDrag).unwrap().values()[2] / 1.214;
+        let [_, whole, half] = rows[Axis::W.index()];
+        assert!((half - drag - 0.5 * (whole - drag)).abs() < 1e-12, "{rows:?}");
+    }
+
+    /// Of three parameters, the first acts forwards and about yaw, the second right and down, the third about roll.
+    struct Three;
+
+    impl Terms for Three {
+        fn count(&self) -> usize {
+            3
+        }
+
+        fn evaluate(&self, _: &Sample, sink: &mut impl Sink) {
+            sink.add(Axis::V, 1, 10.0);
+            sink.add(Axis::P, 2, 20.0);
+            sink.add(Axis::W, 1, 30.0);
+            sink.add(Axis::R, 0, 40.0);
+            sink.add(Axis::U, 0, 50.0);
+        }
+    }
+
+    /// The slots of the three, moments wanted, with their values.
+    fn slots_of_three() -> (Slots, Vec<f64>) {
+        let plant = Plant::new(&truth());
+        let input = moving(&plant);
+        let sample = plant.sample_of(&input);
+        let slots = Slots::new(&Three, &sample, |axis| axis >= 3);
+        let mut row = vec![0.0; slots.places.len()];
+        slots.write(&Three, &sample, &mut row);
+        (slots, row)
+    }
+
+    #[test]
+    fn what_is_wanted_comes_first_and_each_half_by_its_parameters() {
+        let (slots, row) = slots_of_three();
+        assert_eq!((slots.wanted, &row[..]), (2, &[40.0, 20.0, 50.0, 10.0, 30.0][..]));
+        let places: Vec<(usize, usize)> = slots.places.iter().map(|p| (p.parameter, p.axis)).collect();
+        assert_eq!(places, [(0, 5), (2, 3), (0, 0), (1, 1), (1, 2)]);
+        assert_eq!(slots.slots_but_horizontal_forces().collect::<Vec<_>>(), [0, 1, 4]);
+        let mut columns = vec![RowColumn::default(); 3];
+        append(&slots.places[..2], &row, &mut columns);
+        assert_eq!((&columns[0][5], &columns[2][3]), (&Some(vec![40.0]), &Some(vec![20.0])));
+        assert_eq!(columns.iter().flatten().flatten().count(), 2);
+    }
+
+    /// Heading east, forwards is east and right is south.
+    #[test]
+    fn forces_are_turned_to_the_ground_and_back() {
+        let (slots, row) = slots_of_three();
+        let turned = slots.forces_by_parameter();
+        let east = model::frames::dcm_from_euler(Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2));
+        let mut ned = [0.0; 6];
+        slots.turn_forces(&turned, &east, &row, &mut ned);
+        for (found, expected) in ned.iter().zip([0.0, 50.0, 0.0, -10.0, 0.0, 30.0]) {
+            assert!((found - expected).abs() < 1e-13, "{ned:?}");
+        }
+        let mut columns = vec![RowColumn::default(); 3];
+        append_turned_back(&turned, &east, &ned, &mut columns);
+        for (parameter, forces) in [(0, [50.0, 0.0, 0.0]), (1, [0.0, 10.0, 30.0])] {
+            for (axis, expected) in forces.into_iter().enumerate() {
+                let found = columns[parameter][axis].as_ref().unwrap()[0];
+                assert!((found - expected).abs() < 1e-13, "{parameter} {axis}: {found}");
+            }
+        }
+        assert_eq!(columns[2], RowColumn::default());
+    }
+}

@@ -80,3 +80,62 @@ impl Problem<'_> {
         Ok((model, steps))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Effect;
+
+    use super::super::problem::{Constants, Rows};
+    use super::*;
+    use crate::prepare::Prepared;
+    use crate::testing::{NONE, fly, prepared, truth};
+
+    /// The variance of a mean by leaving out one after the other is what textbooks have: of 1, 2 and 6 it is 14 / (3 * 2).
+    /// Each of three coefficients is the mean of one number a flight, which two blocks of time share.
+    #[test]
+    fn left_out_one_by_one_flights_give_the_variance_of_their_mean() {
+        let mut model = truth();
+        model.terms.retain(|term| term.effect == Effect::AngularDamping);
+        let flight = prepared(400, |_, _| {});
+        let problem =
+            Problem::new(&model, &[&flight, &flight, &flight], Rows::Moments, Constants::Left).unwrap();
+        let block = |run: usize, part: f64| {
+            let gradient = DVector::from_element(3, part * (3.0 - [1.0, 2.0, 6.0][run]));
+            let flatter = DMatrix::from_diagonal_element(3, 3, part);
+            Block { run, gradient, curvature: flatter.clone(), flatter }
+        };
+        let blocks = (0..3).flat_map(|run| [block(run, 0.25), block(run, 0.75)]).collect();
+        let all = DMatrix::from_diagonal_element(3, 3, 3.0);
+        let at = Quadratic {
+            loss: 0.0,
+            gradient: DVector::zeros(3),
+            curvature: all.clone(),
+            flatter: all,
+            blocks,
+        };
+        let covariance = problem.covariance(&at).unwrap();
+        // The three have the same numbers, so that they vary together.
+        assert!(covariance.iter().all(|v| (v - 14.0 / 6.0).abs() < 1e-12), "{covariance}");
+    }
+
+    #[test]
+    fn a_descent_ends_at_the_craft_that_flew_with_errors_of_what_it_moved() {
+        let truth = truth();
+        let flight = Prepared::new(&fly(&truth, 1, 6.0, &NONE), &truth.vehicle).unwrap();
+        let mut wrong = truth.clone();
+        wrong.set(Effect::AngularDamping, &[-2.0, 0.5, -1.5]);
+        let problem = Problem::new(&wrong, &[&flight], Rows::Moments, Constants::Estimated).unwrap();
+        let (model, steps) = problem.descend().unwrap();
+        assert!((2..=MAX_STEPS).contains(&steps), "{steps}");
+        let damping = &model.term(Effect::AngularDamping).unwrap().coefficients;
+        for (found, right) in damping.iter().zip([-0.7, -0.65, -0.5]) {
+            // Six seconds tell dampings and motors apart this well.
+            assert!((found.value - right).abs() < 0.1, "{damping:?}");
+        }
+        for term in &model.terms {
+            let is_moved = matches!(term.effect, Effect::RotorMoments | Effect::AngularDamping);
+            let has_error = |c: &model::Estimate| c.std_error.is_some_and(|error| error > 0.0);
+            assert!(term.coefficients.iter().all(|c| has_error(c) == is_moved), "{term:?}");
+        }
+    }
+}

@@ -112,3 +112,64 @@ fn descend(model: &Model, train: &[&Prepared], rows: Rows) -> Result<(Model, usi
     let constants = constants(model, train, rows)?;
     Problem::new(model, train, rows, constants)?.descend()
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Effect;
+
+    use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    fn flown(model: &Model, seed: u64) -> Prepared {
+        Prepared::new(&fly(model, seed, 6.0, &NONE), &model.vehicle).unwrap()
+    }
+
+    /// The craft with other dampings of its rates.
+    fn damped(values: [f64; 3]) -> Model {
+        let mut model = truth();
+        model.set(Effect::AngularDamping, &values);
+        model
+    }
+
+    #[test]
+    fn dampings_that_were_wrong_come_back_and_forces_stay() {
+        let wrong = damped([-2.0, -2.0, -1.5]);
+        let [train, other] = [1, 2].map(|seed| flown(&truth(), seed));
+        let Refinement { model, outcome } = refine(&wrong, &[&train], &[&other], Rows::Moments).unwrap();
+        assert!(outcome.kept && outcome.steps > 0, "{outcome:?}");
+        assert!(outcome.after.rate_rad_s < 0.5 * outcome.before.rate_rad_s, "{outcome:?}");
+        let [right, before, after] =
+            [&truth(), &wrong, &model].map(|of| of.term(Effect::AngularDamping).unwrap().values());
+        for axis in 0..3 {
+            let off = |values: &[f64]| (values[axis] - right[axis]).abs();
+            // Six seconds tell dampings and motors apart this well.
+            assert!(off(&after) < 0.05 * off(&before), "{axis}: {after:?}");
+        }
+        for effect in [Effect::Thrust, Effect::LinearDrag, Effect::InertiaCoupling, Effect::Gyroscopic] {
+            assert_eq!(model.term(effect), wrong.term(effect));
+        }
+    }
+
+    /// Trained on a craft that another one flies beside: held out is what the model was right about.
+    #[test]
+    fn what_makes_held_out_flights_worse_is_refused_and_the_model_stays() {
+        let model = truth();
+        let (train, held_out) = (flown(&damped([-4.0, -4.0, -3.0]), 1), flown(&model, 2));
+        let refinement = refine(&model, &[&train], &[&held_out], Rows::Moments).unwrap();
+        assert_eq!(refinement.model, model);
+        let RefinementOutcome { kept, reason, before, after, .. } = refinement.outcome;
+        assert!(!kept && reason.starts_with("did not help"), "{reason}");
+        assert!(after.rate_rad_s > before.rate_rad_s, "{before:?} {after:?}");
+    }
+
+    #[test]
+    fn a_model_of_forces_alone_is_not_refined() {
+        let mut model = truth();
+        let flight = flown(&model, 1);
+        model.terms.retain(|term| term.effect != Effect::RotorMoments);
+        for rows in [Rows::Moments, Rows::All] {
+            assert_eq!(refined(&model, &[&flight], rows), Err(RefineError::NoRotation));
+        }
+        assert_eq!(refined(&truth(), &[], Rows::Moments), Err(RefineError::TooShort));
+    }
+}

@@ -297,3 +297,104 @@ impl<'a> Problem<'a> {
         (loss, blocks)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{NONE, fly, prepared, truth};
+
+    fn moved(problem: &Problem) -> Vec<Effect> {
+        let mut effects: Vec<Effect> = problem.free.iter().map(|free| free.effect).collect();
+        effects.dedup();
+        effects
+    }
+
+    #[test]
+    fn moments_are_moved_alone_unless_all_are_and_never_what_half_a_second_averages_away() {
+        let flight = prepared(400, |_, _| {});
+        let new = |model: &Model, rows| Problem::new(model, &[&flight], rows, Constants::Estimated);
+        let moments = new(&truth(), Rows::Moments).unwrap();
+        assert_eq!(moved(&moments), [Effect::RotorMoments, Effect::AngularDamping]);
+        assert_eq!((moments.own_axes.clone(), moments.parameters()), (3..6, 12 + 3 + 3));
+        let all = new(&truth(), Rows::All).unwrap();
+        let [thrust, drag] = [Effect::Thrust, Effect::LinearDrag];
+        assert_eq!(moved(&all), [thrust, drag, Effect::RotorMoments, Effect::AngularDamping]);
+        assert_eq!((all.own_axes.clone(), all.parameters()), (0..6, 1 + 3 + 12 + 3 + 6));
+        let mut forces = truth();
+        forces.terms.retain(|term| term.effect == thrust || term.effect == drag);
+        assert_eq!(new(&forces, Rows::Moments).err(), Some(RefineError::NothingToRefine));
+        // 30 samples at either end, and 50 to predict.
+        let short = prepared(110, |_, _| {});
+        let of_short = Problem::new(&truth(), &[&short], Rows::All, Constants::Left);
+        assert_eq!(of_short.err(), Some(RefineError::TooShort));
+    }
+
+    /// 3, 4, 5 and 8, 15, 17: roots of 0.3^2 + 0.4^2 and of 0.75^2 + 0.4^2.
+    #[test]
+    fn a_norm_counts_in_its_scale_and_is_a_square_near_zero() {
+        let flight = prepared(400, |_, _| {});
+        let mut problem = Problem::new(&truth(), &[&flight], Rows::Moments, Constants::Left).unwrap();
+        problem.scale[1] = 10.0;
+        let rounded = |of: f64| problem.rounded(1, &[10.0 * of, 0.0, 0.0]);
+        assert_eq!(rounded(0.0), 0.0);
+        assert!((rounded(0.3) - 0.1).abs() < 1e-15 && (rounded(-0.75) - 0.45).abs() < 1e-15);
+        // r^2 / (2 * 0.4), and r - 0.4 but for 0.4^2 / 2 r.
+        assert!((rounded(1e-3) / 1.25e-6 - 1.0).abs() < 1e-5 && (rounded(1e3) - 999.6).abs() < 1e-4);
+        // The second start has the same quantities and horizons.
+        assert_eq!(problem.rounded(1 + 4 * HORIZONS, &[0.0, 3.0, 0.0]), rounded(0.3));
+    }
+
+    /// Near a wrong model, by coefficients and by a constant moment of the flight.
+    #[test]
+    fn the_gradient_is_the_slope_of_the_loss() {
+        let mut model = truth();
+        let flight = Prepared::new(&fly(&model, 1, 4.0, &NONE), &model.vehicle).unwrap();
+        model.set(Effect::AngularDamping, &[-2.0, -1.5, -1.0]);
+        let problem = Problem::new(&model, &[&flight], Rows::Moments, Constants::Estimated).unwrap();
+        let (values, trims) = (problem.values(), [[0.0, 0.0, 0.0, 0.1, -0.1, 0.05]]);
+        let gradient = problem.quadratic(&values, &trims).gradient;
+        for k in 0..problem.parameters() {
+            let along = |step: f64| {
+                let (mut values, mut trims) = (values.clone(), trims);
+                match k.checked_sub(values.len()) {
+                    None => values[k] += step,
+                    Some(own) => trims[0][3 + own] += step,
+                }
+                problem.loss(&values, &trims)
+            };
+            let step = if k < values.len() { 1e-5 * values[k].abs() } else { 1e-5 };
+            let slope = (along(step) - along(-step)) / (2.0 * step);
+            // The columns are differences to one side.
+            assert!((gradient[k] - slope).abs() < 1e-3 * slope.abs(), "{k}: {} {slope}", gradient[k]);
+        }
+    }
+
+    /// Two flights with constants about three axes, behind fifteen coefficients.
+    #[test]
+    fn what_constants_of_flights_have_in_common_costs_and_what_they_differ_by_does_not() {
+        let flight = prepared(400, |_, _| {});
+        let problem = Problem::new(&truth(), &[&flight, &flight], Rows::Moments, Constants::Estimated);
+        let problem = problem.unwrap();
+        let count = problem.parameters();
+        assert_eq!(problem.places(&problem.runs[1])[14..], [14, 18, 19, 20]);
+        let mut at = Quadratic {
+            loss: 0.0,
+            gradient: DVector::zeros(count),
+            curvature: DMatrix::identity(count, count),
+            flatter: DMatrix::identity(count, count),
+            blocks: Vec::new(),
+        };
+        problem.tie_trims(&mut at);
+        let cost = |first: f64, second: f64| {
+            let mut step = DVector::zeros(count);
+            (step[16], step[19]) = (first, second);
+            step.dot(&(&at.curvature * &step))
+        };
+        assert_eq!(cost(1.0, -1.0), 2.0);
+        // A thousand times the curvature of both, times the square of their sum.
+        assert_eq!(cost(1.0, 1.0), 2.0 + 2000.0 * 4.0);
+        assert_eq!(at.curvature, at.flatter);
+        // A rotor pulls upwards, whatever a step says.
+        assert_eq!((problem.possible(0, -3.0), problem.possible(0, 0.7)), (0.0, 0.7));
+    }
+}
