@@ -370,3 +370,70 @@ impl Problem for ChangeFit<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{FitRecord, Vehicle};
+
+    use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    const WIND: Change = Change { effect: Effect::SteadyWind, motor: None };
+
+    /// A load of 150 g, and its error below one.
+    #[test]
+    fn a_load_is_weighed_within_its_error() {
+        let mut heavy = truth();
+        heavy.set(Effect::MassChange, &[0.15]);
+        let flights = prepared(&heavy, 1..3, 8.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let change = Change { effect: Effect::MassChange, motor: None };
+        let fitted = fit_change(&truth(), change, &flights).unwrap();
+        let (value, error) = (fitted.values[0], fitted.covariance[(0, 0)].sqrt());
+        assert!((value - 0.15).abs() < 4.0 * error && error < 0.001, "{value} +- {error}");
+        assert_eq!(fitted.model.term(Effect::MassChange).unwrap().values(), [value]);
+        assert!(fitted.together.is_empty() && fitted.knows_its_law());
+    }
+
+    /// A drag of 0.252 v + 0.1 v^2 in a wind of 5 m/s, of which the model knows the linear part. Held at that, the same force is a wind of
+    /// (0.252 * 5 + 0.1 * 25) / 0.252 = 14.9 m/s, but for the craft's own speed of some 1 m/s. Of the force, 2.5 / 3.76 is not linear.
+    #[test]
+    fn a_wind_beyond_what_was_flown_comes_with_the_drag_in_it() {
+        let mut known = truth();
+        let drag = known.terms.iter_mut().find(|term| term.effect == Effect::LinearDrag).unwrap();
+        drag.coefficients.iter_mut().for_each(|c| c.std_error = Some(0.01 * c.value.abs()));
+        let mut windy = truth();
+        windy.set(Effect::SteadyWind, &[5.0, 0.0]);
+        windy.set(Effect::QuadraticDrag, &[-0.1, -0.1]);
+        let flights = prepared(&windy, 1..3, 12.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let mut flown_at = |speed_m_s: f64| {
+            known.fit = Some(FitRecord { flown_speed_m_s: Some(speed_m_s), ..FitRecord::default() });
+            fit_change(&known, WIND, &flights).unwrap()
+        };
+        let beyond = flown_at(2.0);
+        assert_eq!(beyond.together, [Effect::LinearDrag, Effect::QuadraticDrag]);
+        let error = beyond.covariance[(0, 0)].sqrt();
+        assert!((beyond.values[0] - 5.0).abs() < 4.0 * error && error < 0.05, "{} +- {error}", beyond.values);
+        assert!((beyond.law_error - 0.25 * 2.5 / 3.76).abs() < 0.005, "{}", beyond.law_error);
+        let within = flown_at(20.0);
+        assert!(within.together.is_empty() && within.law_error == 0.0);
+        assert!((within.values[0] - 14.9).abs() < 1.5, "{}", within.values);
+    }
+
+    /// At rest in a wind of 2 m/s, a drag of 0.2 v + 0.1 v^2 is half beyond linear, and dv / v = f / n dn = 0.5 / 2 * 0.5. All of a square is
+    /// beyond linear, nothing of a drag in proportion.
+    #[test]
+    fn a_law_that_is_not_known_makes_a_wind_uncertain_by_what_is_beyond_linear() {
+        for (linear, quadratic, expected) in
+            [(-0.2, -0.1, 0.125), (0.0, -0.1, 0.25), (-0.2, 0.0, 0.0), (0.0, 0.0, 0.0)]
+        {
+            let mut model = Model::new(Vehicle::thesis());
+            assert_eq!(law_error(&model, WIND), 0.0);
+            model.set(Effect::LinearDrag, &[linear; 3]);
+            model.set(Effect::QuadraticDrag, &[quadratic; 2]);
+            model.set(Effect::SteadyWind, &[2.0, 0.0]);
+            assert!((law_error(&model, WIND) - expected).abs() < 1e-12, "{linear}, {quadratic}");
+        }
+    }
+}

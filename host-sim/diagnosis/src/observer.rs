@@ -28,3 +28,26 @@ pub trait Observer: Sync {
 pub struct Silent;
 
 impl Observer for Silent {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Hears of warnings alone.
+    struct Worried;
+
+    impl Observer for Worried {
+        fn warning(&self, sentence: &str) {
+            assert_eq!(sentence, "the battery is low");
+        }
+    }
+
+    #[test]
+    fn nobody_is_stopped_by_an_observer_that_does_not_ask_for_it() {
+        for observer in [&Silent as &dyn Observer, &Worried] {
+            observer.progress(Progress { activity: "reading flights", steps: Some((1, 2)) });
+            observer.warning("the battery is low");
+            assert!(!observer.is_cancelled());
+        }
+    }
+}

@@ -37,3 +37,40 @@ impl Against {
         self.axes[0].ncols() - self.of_basis[0].len()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use sysid::Prepared;
+
+    use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    /// Put together from its axes, the basis is orthonormal, and nothing of it is in the residual. The other residual is `axis + 1` on each
+    /// axis: its square is 1 + 4 + ... + 36 = 91 for each row.
+    #[test]
+    fn basis_and_residuals_stand_where_they_are_said_to() {
+        let model = truth();
+        let flights = prepared(&model, 30..31, 6.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let problem = Problem::new(&flights, &model);
+        let other = std::array::from_fn(|axis| vec![axis as f64 + 1.0; problem.rows]);
+        let against = Against::new(&problem, &[other]);
+        assert_eq!(against.residuals(), 2);
+        let taken = against.taken;
+        let mut products = DMatrix::<f32>::zeros(taken + 2, taken + 2);
+        for (columns, of_basis) in against.axes.iter().zip(&against.of_basis) {
+            let places: Vec<usize> = of_basis.iter().copied().chain([taken, taken + 1]).collect();
+            let own = columns.tr_mul(columns);
+            for (row, place) in places.iter().enumerate() {
+                places.iter().enumerate().for_each(|(k, of)| products[(*place, *of)] += own[(row, k)]);
+            }
+        }
+        // Sums of some hundred products in single precision.
+        const NEAR: f32 = 1e-4;
+        let basis = products.view((0, 0), (taken, taken));
+        assert!((basis - DMatrix::identity(taken, taken)).amax() < NEAR, "{basis}");
+        let [residual, other] = [taken, taken + 1].map(|k| products[(k, k)]);
+        assert!(residual > 0.0 && products.view((0, taken), (taken, 1)).amax() < NEAR * residual.sqrt());
+        assert!((other / (91.0 * problem.rows as f32) - 1.0).abs() < NEAR, "{other}");
+    }
+}

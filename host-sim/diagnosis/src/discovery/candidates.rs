@@ -260,3 +260,108 @@ fn distinct(found: &[Scored], most: usize) -> Vec<Scored> {
     }
     kept
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use model::{Axis, Effect};
+
+    use super::*;
+    use crate::discovery::form::Factor;
+    use crate::discovery::shapes::{Shape, Span};
+    use crate::observer::Silent;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    fn form(channel: Channel, families: &[(usize, Family)]) -> Form {
+        let factor = |(variable, family): &(usize, Family)| Factor {
+            variable: *variable,
+            shape: Shape { family: *family, parameters: [0.5; 2] },
+        };
+        Form { channel, factors: families.iter().map(factor).collect() }
+    }
+
+    fn scored(axis: Axis, variable: usize, gain: f64) -> Scored {
+        Scored { form: form(Channel::Body(axis), &[(variable, Family::Square)]), count: 2, gain }
+    }
+
+    /// Along w: 100, 99 and 98 over one variable, of which the third is one too many, 97 over another, and a fourth, 96, which is one too
+    /// many of its way to act. About p, 40 is less than half of the best.
+    #[test]
+    fn few_forms_of_each_way_to_act_are_fitted() {
+        let along_w = [(0, 100.0), (0, 99.0), (0, 98.0), (1, 97.0), (2, 96.0)];
+        let mut found: Vec<Scored> = along_w.map(|(variable, gain)| scored(Axis::W, variable, gain)).into();
+        found.extend([(Axis::Q, 50.0), (Axis::P, 40.0)].map(|(axis, gain)| scored(axis, 0, gain)));
+        let gains = |kept: Vec<Scored>| kept.iter().map(|one| one.gain).collect::<Vec<f64>>();
+        assert_eq!(gains(distinct(&found, 8)), [100.0, 99.0, 97.0, 50.0, 40.0]);
+        assert_eq!(gains(distinct(&found, 2)), [100.0, 99.0]);
+        let fitted = worthwhile(&found);
+        assert_eq!((fitted.len(), fitted[3].channel), (4, Channel::Body(Axis::Q)));
+    }
+
+    /// With its amplitude, a square has 1 number, a hinge 2, and each of the others 3. Behind the first three, the square is simpler
+    /// than all before it; with less than 0.9 of the best gain it is not worth it.
+    #[test]
+    fn the_best_three_and_simpler_ones_that_gain_about_as_much_are_tuned() {
+        let variables = [Variable::made_up("height", "m", Span { low: 0.0, high: 1.0 })];
+        let tuned = |gain_of_square: f64| {
+            let refined = |(family, gain_left_out)| Refined {
+                form: form(Channel::Body(Axis::W), &[(0, family)]),
+                amplitudes: vec![1.0],
+                gain_left_out,
+                improved: 2,
+            };
+            let last = [(Family::Square, gain_of_square), (Family::Cube, gain_of_square)];
+            let all = [
+                (Family::Bump, 100.0),
+                (Family::Wave, 99.0),
+                (Family::HingeAbove, 98.0),
+                (Family::Step, 97.0),
+            ];
+            to_be_tuned(&all.into_iter().chain(last).map(refined).collect::<Vec<_>>(), &variables)
+        };
+        assert_eq!(tuned(91.0), [true, true, true, false, true, false]);
+        assert_eq!(tuned(89.0), [true, true, true, false, false, false]);
+    }
+
+    /// A spring of 0.8 N/m pulls to the place of take-off along north: what it takes, in variances of the noise, says how well it is known.
+    /// In the same flights without it, there is no form.
+    #[test]
+    fn a_spring_along_north_is_found_and_nothing_where_there_is_none() {
+        let text = "[[effect]]\nid = \"spring\"\nacceleration.north = \"k * north / mass\"\n\
+                    coefficient = [{ name = \"k\", unit = \"N/m\", possible = [-9.0, 9.0], typical = 1.0 }]\n";
+        let [spring] = model::effects::draft(text, Path::new("test")).unwrap()[..] else {
+            panic!("one effect")
+        };
+        let mut world = truth();
+        world.set(Effect::User(spring), &[-0.8]);
+        let found = |world: &Model| {
+            let flights = prepared(world, 50..53, 8.0, &ORDINARY);
+            let flights: Vec<&Prepared> = flights.iter().collect();
+            let mut variables = Variable::all(&flights, &truth());
+            variables.retain(|variable| ["north", "vbat"].contains(&variable.name));
+            (candidates(&flights, &truth(), &variables, &Silent), variables)
+        };
+        let (of_spring, variables) = found(&world);
+        assert!(of_spring.are_significant(), "{}", of_spring.p_value);
+        let [best, ..] = &of_spring.refined[..] else { panic!("no form") };
+        let factor = best.form.factors[0];
+        assert_eq!((best.form.channel, best.form.factors.len()), (Channel::Earth(0), 1));
+        assert_eq!((variables[factor.variable].name, factor.shape.family), ("north", Family::Proportional));
+        let error = 0.8 / best.gain_left_out.sqrt();
+        assert!((best.amplitudes[0] + 0.8).abs() < 4.0 * error && error < 0.05, "{best:?}");
+        let (of_nothing, _) = found(&truth());
+        assert!(!of_nothing.are_significant() && of_nothing.refined.is_empty(), "{}", of_nothing.p_value);
+    }
+
+    /// Waves along north and east seldom have their crests together.
+    #[test]
+    fn the_first_form_but_a_wave_is_tried_with_a_wider_way_to_act() {
+        let wave = form(Channel::Earth(0), &[(0, Family::Wave)]);
+        let along_w = form(Channel::Body(Axis::W), &[(0, Family::Bump)]);
+        let bump = form(Channel::Earth(1), &[(1, Family::Bump)]);
+        let found = wider(&[wave.clone(), along_w.clone(), bump.clone()]);
+        assert_eq!(found, Some(Form { channel: Channel::Horizontal, ..bump }));
+        assert_eq!(wider(&[wave, along_w]), None);
+    }
+}

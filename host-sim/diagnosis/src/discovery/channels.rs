@@ -346,3 +346,126 @@ fn levers(model: &Model) -> [RotorLever; 4] {
         RotorLever { lift: -of(Axis::W), roll: of(Axis::P), pitch: of(Axis::Q) }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
+    use std::path::Path;
+
+    use nalgebra::Vector4;
+
+    use super::*;
+    use crate::testing::truth;
+
+    /// What is added on each axis that is acted on, with these amplitudes.
+    struct Added<'a>(&'a [f64], [Option<f64>; 6]);
+
+    impl Sink for Added<'_> {
+        fn add(&mut self, axis: Axis, parameter: usize, value: f64) {
+            *self.1[axis.index()].get_or_insert_default() += self.0[parameter] * value;
+        }
+    }
+
+    /// Lying on the right side, a craft has the ground to its right; heading east, north to its left; nose up, the ground behind.
+    #[test]
+    fn a_force_in_the_room_acts_along_the_body_axis_that_points_there() {
+        let plant = Plant::new(&truth());
+        for (turned, earth, expected) in [
+            (1, 2, [0.0, 1.0, 0.0]),
+            (3, 0, [0.0, -1.0, 0.0]),
+            (3, 1, [1.0, 0.0, 0.0]),
+            (2, 2, [-1.0, 0.0, 0.0]),
+        ] {
+            let mut state = State::at_rest(Vector3::zeros(), [600.0; 4]);
+            state.attitude = Vector4::zeros();
+            (state.attitude[0], state.attitude[turned]) = (FRAC_1_SQRT_2, FRAC_1_SQRT_2);
+            let input = plant.input(&state, &[600.0; 4], 11.5);
+            let mut added = Added(&[1.0], [None; 6]);
+            // As many newtons as the craft has kilograms.
+            Channel::Earth(earth).add(&plant.sample_of(&input), [1.214; 4], 0, &mut added);
+            for (found, expected) in added.1.into_iter().zip(expected) {
+                assert!((found.unwrap() - expected).abs() < 1e-12, "{turned} {earth}: {:?}", added.1);
+            }
+            assert_eq!(added.1[3..], [None; 3]);
+        }
+    }
+
+    /// Thesis (2.6) and (2.7) with its beta of 4.100726391e-4 kg m, 1.214 kg and arms of 0.167 m. Left rotors roll to the right, front ones
+    /// pitch up.
+    #[test]
+    fn a_rotors_levers_are_those_of_the_equations_of_motion() {
+        const BETA_KG_M: f64 = 4.100_726_391e-4;
+        let model = truth();
+        let values = |effect| model.term(effect).unwrap().values();
+        let (lift, moments) = (values(Effect::Thrust)[0] * BETA_KG_M / 1.214, values(Effect::RotorMoments));
+        let arm = SQRT_2 * 0.167 * BETA_KG_M;
+        let (sides, ahead) = ([1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]);
+        for (k, own) in levers(&model).into_iter().enumerate() {
+            let expected = [lift, arm * sides[k] * moments[k], arm * ahead[k] * moments[4 + k]];
+            for (found, expected) in [own.lift, own.roll, own.pitch].into_iter().zip(expected) {
+                assert!((found / expected - 1.0).abs() < 1e-8, "{k}: {own:?}, {expected}");
+            }
+        }
+    }
+
+    /// Read as an effect of users, which checks the units, the rows do to a craft in motion what the way to act adds. Where each rotor acts
+    /// by its own, its speed stands for that.
+    #[test]
+    fn every_way_to_act_is_what_its_formula_says() {
+        let model = truth();
+        let all: Vec<Channel> = Channel::all(&model);
+        for channel in all.iter().copied().chain(all.iter().filter_map(|channel| channel.wider())) {
+            let (names, amplitudes) = (channel.amplitude_names(), &[0.7, -0.4][..channel.amplitudes()]);
+            let mut rows = std::collections::BTreeMap::<&str, Vec<String>>::new();
+            for RowText { row, before, after, amplitude, rotor } in channel.rows(&[]) {
+                let own = rotor.map_or(String::new(), |k| format!(" * {}", OMEGA[k]));
+                rows.entry(row).or_default().push(format!("({before}{}{own}{after})", names[amplitude]));
+            }
+            let each = channel.is_each_rotor();
+            let unit = if each { "s" } else { channel.unit() };
+            let rows: String = rows
+                .iter()
+                .map(|(row, sum)| format!("acceleration.{row} = \"{}\"\n", sum.join(" + ")))
+                .collect();
+            let coefficient = |name| {
+                format!("{{ name = \"{name}\", unit = \"{unit}\", possible = [-1.0, 1.0], typical = 1.0 }}, ")
+            };
+            let coefficients: String = names.iter().map(coefficient).collect();
+            let constant = |(name, unit, value): (String, &str, f64)| {
+                format!("{{ name = \"{name}\", unit = \"{unit}\", value = {value:?} }}, ")
+            };
+            let constants: String = channel.constants().into_iter().map(constant).collect();
+            let text = format!(
+                "[[effect]]\nid = \"way\"\n{rows}coefficient = [{coefficients}]\nconstant = [{constants}]\n"
+            );
+            let [user] = model::effects::draft(&text, Path::new("test")).unwrap()[..] else {
+                panic!("{text}")
+            };
+            let mut with = model.clone();
+            with.set(Effect::User(user), amplitudes);
+            let rotors = [620.0, 590.0, 655.0, 610.0];
+            let mut state = State::at_rest(Vector3::new(0.3, -0.5, -1.2), rotors);
+            state.attitude = Vector4::new(0.8, 0.2, -0.1, 0.5).normalize();
+            (state.velocity_m_s, state.rate_rad_s) =
+                (Vector3::new(1.1, -0.6, 0.4), Vector3::new(0.5, -0.3, 0.8));
+            let by = |model: &Model| {
+                let plant = Plant::new(model);
+                plant.accelerations(&plant.sample_of(&plant.input(&state, &rotors, 11.5)))
+            };
+            let (with, without, plant) = (by(&with), by(&model), Plant::new(&model));
+            let input = plant.input(&state, &rotors, 11.5);
+            let mut added = Added(amplitudes, [None; 6]);
+            channel.add(&plant.sample_of(&input), if each { rotors } else { [1.0; 4] }, 0, &mut added);
+            let axes = model::AXES.into_iter().filter(|axis| added.1[axis.index()].is_some());
+            assert_eq!(axes.collect::<Vec<_>>(), channel.axes());
+            for (axis, expected) in added.1.into_iter().enumerate() {
+                let found = with[axis] - without[axis];
+                // Differences of accelerations of some hundred rad/s^2.
+                assert!(
+                    (found - expected.unwrap_or(0.0)).abs() < 1e-9,
+                    "{channel:?} {axis}: {found}, {expected:?}"
+                );
+            }
+        }
+    }
+}

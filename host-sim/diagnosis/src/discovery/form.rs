@@ -398,3 +398,107 @@ impl Sink for Formed {
         self.0[axis.index()][part] = Some(value);
     }
 }
+
+/// For tests.
+#[cfg(test)]
+impl Form {
+    /// A horizontal force over a bump of a variable: two amplitudes and two parameters.
+    pub(crate) fn made_up(variable: usize) -> Self {
+        let shape = Shape { family: crate::discovery::shapes::Family::Bump, parameters: [0.5; 2] };
+        Self { channel: Channel::Horizontal, factors: vec![Factor { variable, shape }] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use model::{Plant, State};
+    use sysid::Prepared;
+
+    use super::*;
+    use crate::discovery::center::About;
+    use crate::discovery::shapes::Family;
+    use crate::testing::{NONE, prepared, truth};
+
+    struct Sums(Vec<[f64; 6]>);
+
+    impl Sink for Sums {
+        fn add(&mut self, axis: Axis, term: usize, value: f64) {
+            self.0[term][axis.index()] += value;
+        }
+    }
+
+    /// What terms add on each axis, at a place, level, heading north, with 3 in the first further column.
+    fn at_place(terms: &FormTerms<'_>, place_ned_m: [f64; 3]) -> Vec<[f64; 6]> {
+        let plant = Plant::new(&truth());
+        let mut input = plant.input(&State::at_rest(place_ned_m.into(), [600.0; 4]), &[600.0; 4], 11.5);
+        input.further[0] = 3.0;
+        let mut sums = Sums(vec![[0.0; 6]; terms.count()]);
+        terms.evaluate(&plant.sample_of(&input), &mut sums);
+        sums.0
+    }
+
+    fn factor(variable: usize, family: Family, parameters: [f64; 2]) -> Factor {
+        Factor { variable, shape: Shape { family, parameters } }
+    }
+
+    /// (x - 1) max(0, x - 1.5) at x = 3 is 3, and its slopes over 1 and 1.5 are -1.5 and -2.
+    #[test]
+    fn a_form_is_the_product_of_its_shapes() {
+        let variables = [Variable::made_up("x", "1", Span { low: 0.0, high: 4.0 })];
+        let factors =
+            vec![factor(0, Family::Straight, [1.0, 0.0]), factor(0, Family::HingeAbove, [1.5, 0.0])];
+        let form = Form { channel: Channel::Body(Axis::P), factors };
+        let rolled = |terms: &FormTerms<'_>| -> Vec<f64> {
+            at_place(terms, [0.0; 3]).iter().map(|axes| axes[Axis::P.index()]).collect()
+        };
+        assert_eq!(rolled(&FormTerms::of_amplitudes(&form, &variables)), [3.0]);
+        assert_eq!(rolled(&FormTerms::slopes(&form, &[0.5], &variables)), [-0.75, -1.0]);
+    }
+
+    /// A force in proportion to the distance is k (c - x): over each place of its center, its slope is k along that axis, wherever the
+    /// craft is. Around an axis it is that turned: k (c_east - east) along north, and -k (c_north - north) along east.
+    #[test]
+    fn a_spring_follows_its_center() {
+        let flights = prepared(&truth(), 1..2, 4.0, &NONE);
+        let variables = Variable::all(&flights.iter().collect::<Vec<&Prepared>>(), &truth());
+        for about in [About::Point, About::Around] {
+            let center = Center { about, place_ned_m: [1.0, 0.5, -1.0] };
+            let distance = Variable::distance_from(&variables, center).unwrap();
+            let factors = vec![factor(distance, Family::Proportional, [0.0; 2])];
+            let form = Form { channel: Channel::Center(center), factors };
+            assert_eq!(form.coefficients(), 1 + center.count());
+            // In newtons, where the craft has 1.214 kg.
+            let near = |found: [f64; 6], [x, y, z]: [f64; 3]| {
+                let off = |(found, expected): (f64, f64)| (1.214 * found - expected).abs();
+                let is_near = found.into_iter().zip([x, y, z, 0.0, 0.0, 0.0]).map(off).all(|off| off < 1e-12);
+                assert!(is_near, "{about:?}: {found:?}");
+            };
+            let force = at_place(&FormTerms::of_amplitudes(&form, &variables), [0.4, -0.3, -1.0]);
+            let slopes = at_place(&FormTerms::slopes(&form, &[0.6], &variables), [0.4, -0.3, -1.0]);
+            let (force_n, slopes_n_m) = match about {
+                About::Point => ([0.6, 0.8, 0.0], vec![[0.6, 0.0, 0.0], [0.0, 0.6, 0.0], [0.0, 0.0, 0.6]]),
+                _ => ([0.8, -0.6, 0.0], vec![[0.0, -0.6, 0.0], [0.6, 0.0, 0.0]]),
+            };
+            near(force[0], force_n);
+            assert_eq!(slopes.len(), slopes_n_m.len());
+            slopes.into_iter().zip(slopes_n_m).for_each(|(found, expected)| near(found, expected));
+        }
+    }
+
+    #[test]
+    fn parameters_are_read_and_moved_one_by_one_the_center_first() {
+        let center = Center { about: About::Point, place_ned_m: [1.0, 2.0, 3.0] };
+        let factors = vec![factor(0, Family::Bump, [4.0, 5.0]), factor(1, Family::Decay, [6.0, 0.0])];
+        let form = Form { channel: Channel::Center(center), factors };
+        let values = |form: &Form| form.parameters().iter().map(|p| form.value(*p)).collect::<Vec<f64>>();
+        assert_eq!(values(&form), [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
+        for (k, parameter) in form.parameters().into_iter().enumerate() {
+            let mut expected = values(&form);
+            expected[k] = -7.0;
+            assert_eq!(values(&form.with(parameter, -7.0)), expected);
+        }
+        let roles: Vec<Role> = form.parameters().into_iter().map(|p| form.role(p)).collect();
+        assert_eq!(roles[..4], [Role::Place; 4]);
+        assert_eq!(roles[4..], [Role::Length; 2]);
+    }
+}

@@ -29,3 +29,30 @@ pub(super) fn meaning(name: &'static str) -> &'static str {
         other => other,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::{COMBINATIONS, QUANTITIES, Quantity};
+
+    use super::*;
+
+    #[test]
+    fn no_two_quantities_are_called_the_same() {
+        let names = || QUANTITIES.iter().chain(COMBINATIONS).map(|quantity| quantity.name);
+        let called: std::collections::BTreeSet<&str> = names().map(meaning).collect();
+        assert_eq!(called.len(), names().count());
+    }
+
+    /// The model says for itself what its quantities are.
+    #[test]
+    fn angles_rates_and_the_battery_are_called_what_the_model_calls_them() {
+        for name in ["p", "q", "r", "phi", "theta", "vbat"] {
+            assert_eq!(meaning(name), Quantity::named(name).unwrap().meaning);
+        }
+    }
+
+    #[test]
+    fn a_further_column_keeps_its_name() {
+        assert_eq!(meaning("payload_kg"), "payload_kg");
+    }
+}

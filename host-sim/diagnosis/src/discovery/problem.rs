@@ -292,3 +292,85 @@ fn basis(columns: &[White], rows: usize) -> ([Basis; 6], usize) {
     };
     (std::array::from_fn(of_axis), found.len())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discovery::channels::Channel;
+    use crate::discovery::form::FormedOnce;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    fn square(white: &White) -> f64 {
+        white.iter().flatten().flatten().map(|value| value * value).sum()
+    }
+
+    /// Of noise behind filters that differentiate it, neighbouring rows are alike by 0.6 and more. White ones are by chance, 1 / sqrt(rows)
+    /// for one axis. On the axes of forces, behind two derivatives of the position, some of the colour is left: a third of it here.
+    #[test]
+    fn what_the_true_model_leaves_is_made_white_and_of_unit_variance() {
+        let model = truth();
+        let flights = prepared(&model, 30..33, 12.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let problem = Problem::new(&flights, &model);
+        let neighbours = |rows: &[f64]| {
+            let squares: f64 = rows.iter().map(|row| row * row).sum();
+            rows.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / squares
+        };
+        let raw = all_rows_about(&flights, &model);
+        for (axis, white) in problem.residual.iter().enumerate() {
+            let (before, after) = (neighbours(&raw[0].targets[axis]), neighbours(white.as_slice()));
+            let most = if axis < 3 { 0.5 * before } else { 4.0 / (problem.rows as f64).sqrt() };
+            assert!(before > 0.5 && after.abs() < most, "{axis}: {before}, then {after}");
+            // The model's own coefficients, some of which act on each axis, take a thousandth each.
+            let variance = white.norm_squared() / problem.rows as f64;
+            assert!((0.98..=1.0).contains(&variance), "{axis}: {variance}");
+        }
+    }
+
+    /// The thrust is one of the model's effects, a force along north is none. By Pythagoras, what is absorbed and what is left make up the
+    /// whole of a column.
+    #[test]
+    fn what_the_model_takes_of_a_column_is_taken_out_and_nothing_else() {
+        let model = truth();
+        let flights = prepared(&model, 30..31, 6.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let problem = Problem::new(&flights, &model);
+        let columns = problem.columns(&FormedOnce(vec![Channel::Thrust, Channel::Earth(0)]));
+        let [thrust, north] = &columns[..] else { panic!("two ways to act") };
+        let left = |column: &White| {
+            let mut left = column.clone();
+            problem.take_out(&mut left);
+            left
+        };
+        assert!(square(&left(thrust)) < 1e-18 * square(thrust));
+        let of_north = left(north);
+        let (whole, rest) = (square(north), square(&of_north));
+        assert!(rest > 0.01 * whole && rest < 0.99 * whole, "{rest} of {whole}");
+        let absorbed = problem.absorbed(north).norm_squared();
+        assert!((absorbed + rest - whole).abs() < 1e-9 * whole, "{absorbed} + {rest}, {whole}");
+        assert!((square(&left(&of_north)) - rest).abs() < 1e-9 * rest);
+    }
+
+    /// (3, 4) along u becomes (0.6, 0.8); its double is a repetition. Of a column that is (1, 0) along u and (0, 1) about p, (0.64, -0.48)
+    /// and (0, 1) are left, of the square 1.64.
+    #[test]
+    fn the_basis_is_orthonormal_and_leaves_repetitions_out() {
+        let column = |u: [f64; 2], p: Option<[f64; 2]>| {
+            let mut column = White::default();
+            (column[0], column[3]) = (Some(u.into()), p.map(Into::into));
+            column
+        };
+        let columns =
+            [column([3.0, 4.0], None), column([6.0, 8.0], None), column([1.0, 0.0], Some([0.0, 1.0]))];
+        let (basis, taken) = basis(&columns, 2);
+        assert_eq!((taken, &basis[0].of[..], &basis[3].of[..]), (2, &[0, 1][..], &[1][..]));
+        let norm = 1.64_f64.sqrt();
+        let expected = DMatrix::from_columns(&[
+            DVector::from_vec(vec![0.6, 0.8]),
+            DVector::from_vec(vec![0.64 / norm, -0.48 / norm]),
+        ]);
+        assert!((&basis[0].columns - expected).amax() < 1e-12, "{}", basis[0].columns);
+        assert!((&basis[3].columns - DMatrix::from_vec(2, 1, vec![0.0, 1.0 / norm])).amax() < 1e-12);
+        assert!([1, 2, 4, 5].iter().all(|axis| basis[*axis].of.is_empty()));
+    }
+}

@@ -108,3 +108,51 @@ pub struct Discovery {
     /// The model with the known effects, and with the first proposal where there is one.
     pub model: Model,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reason::Reason;
+
+    /// Scripts read a proposal by these words; what the program keeps for itself stays out, and so does physics where none is known.
+    #[test]
+    fn a_proposal_is_words_and_numbers_in_json() {
+        let definition = Definition {
+            id: "height_force".into(),
+            sentence: None,
+            excitation: None,
+            acceleration: BTreeMap::new(),
+            confused_with: BTreeMap::new(),
+            coefficient: Vec::new(),
+            constant: Vec::new(),
+            column: Vec::new(),
+        };
+        let proposal = Proposal {
+            id: "height_force".into(),
+            axes: vec![Axis::U, Axis::P],
+            formula: "u: k * height / mass".into(),
+            quantities: vec!["height"],
+            sentence: String::new(),
+            physics: None,
+            coefficients: Vec::new(),
+            constants: Vec::new(),
+            drop_percent: BTreeMap::from([("u", 12.5)]),
+            share_of_structure_percent: 50.0,
+            p_value: 0.001,
+            splits: [2, 3],
+            flights_improved: [1, 2],
+            flights: Vec::new(),
+            rivals: Vec::new(),
+            excite: String::new(),
+            definition,
+            finding: EffectFinding::unsupported(Effect::Tether, 2, Reason::LikeChance),
+        };
+        let json = serde_json::to_value(&proposal).unwrap();
+        assert_eq!(json["axes"], serde_json::json!(["u", "p"]));
+        assert_eq!((&json["drop_percent"]["u"], &json["splits"]), (&12.5.into(), &vec![2, 3].into()));
+        assert!(["physics", "definition", "finding"].iter().all(|kept| json.get(kept).is_none()), "{json}");
+        let verdicts = [DiscoveryVerdict::Proposed, DiscoveryVerdict::Nothing, DiscoveryVerdict::NotAFormula];
+        let words = verdicts.map(|verdict| serde_json::to_value(verdict).unwrap());
+        assert_eq!(words, ["proposed", "nothing", "not-a-formula"]);
+    }
+}

@@ -158,3 +158,72 @@ impl Independent {
         (0..shapes.ncols()).map(gains_of).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use model::Axis;
+    use rand::{RngExt, SeedableRng};
+    use rand_pcg::Pcg64Mcg;
+
+    use super::*;
+    use crate::discovery::channels::Channel;
+    use crate::discovery::shapes::Family;
+
+    fn beside(one: &DMatrix<f64>, other: &DMatrix<f64>) -> DMatrix<f64> {
+        DMatrix::from_columns(&one.column_iter().chain(other.column_iter()).collect::<Vec<_>>())
+    }
+
+    /// Two ways to act, three shapes on four knots, and a model of two columns, one of which is the last shape acting the second way. By
+    /// how much squares fall with a shape is what a fit by singular values says: no product of hats is in that.
+    #[test]
+    fn a_shape_gains_what_a_fit_beside_the_model_takes() {
+        const SEED: u64 = 5;
+        let mut rng = Pcg64Mcg::seed_from_u64(SEED);
+        let mut random = |rows, columns| DMatrix::from_fn(rows, columns, |_, _| rng.random::<f64>() - 0.5);
+        let (hats, shapes, mut own) = (random(60, 2 * 4), random(4, 3), random(60, 2));
+        let acting = |shape: usize| {
+            DMatrix::from_columns(&[0, 4].map(|first| hats.columns(first, 4) * shapes.column(shape)))
+        };
+        own.set_column(0, &acting(2).column(1));
+        let model = own.qr().q();
+        let residuals = random(60, 2);
+        let residuals = &residuals - &model * model.tr_mul(&residuals);
+        let against = Against {
+            axes: std::array::from_fn(|_| DMatrix::zeros(60, 2)),
+            of_basis: std::array::from_fn(|_| Vec::new()),
+            taken: 2,
+        };
+        let products =
+            Products { gram: hats.tr_mul(&hats), against: hats.tr_mul(&beside(&model, &residuals)) };
+        let gains = Independent::new(products, &against, 2).gains(&shapes);
+        assert!(gains[2].is_none(), "seed {SEED}: the model has it");
+        for (shape, gains) in gains.iter().take(2).enumerate() {
+            let columns = beside(&model, &acting(shape));
+            let fitted = &columns * columns.clone().svd(true, true).solve(&residuals, 1e-12).unwrap();
+            for (k, gain) in gains.as_ref().unwrap().iter().enumerate() {
+                let left = residuals.column(k) - fitted.column(k);
+                let expected = residuals.column(k).norm_squared() - left.norm_squared();
+                assert!((gain - expected).abs() < 1e-10, "seed {SEED}: {gain}, {expected}");
+            }
+        }
+    }
+
+    /// Of 1000 rows, a number costs ln 1000 = 6.907755: three that gain 60 are worth less than one that gains 50.
+    #[test]
+    fn the_best_shapes_of_the_two_best_families_are_kept() {
+        let scored = |family, count, gain| {
+            let shape = Shape { family, parameters: [0.5; 2] };
+            let factors = vec![Factor { variable: 0, shape }];
+            Scored { form: Form { channel: Channel::Body(Axis::W), factors }, count, gain }
+        };
+        let all = vec![
+            scored(Family::Bump, 3, 59.0),
+            scored(Family::Bump, 3, 60.0),
+            scored(Family::Cube, 1, 45.0),
+            scored(Family::Square, 1, 50.0),
+        ];
+        assert!((all[1].worth(1000) - 39.276_734).abs() < 1e-6);
+        let kept = best_of_each_family(all, 1000);
+        assert_eq!(kept.iter().map(|one| one.gain).collect::<Vec<_>>(), [50.0, 60.0]);
+    }
+}

@@ -120,3 +120,81 @@ pub(crate) fn is_better(in_own_winds: &Diagnosis, in_one: &Diagnosis) -> bool {
     };
     sum(Some(own)) < LEFT_BY_OWN_WINDS * sum(other)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::conclusion::conclude;
+    use crate::finding::{CoefficientFigures, Unexplained};
+    use crate::reason::{Dependence, Reason};
+    use crate::testing::{loaded, truth};
+    use crate::workflow::Reading;
+
+    /// A finding that leaves so much of 100 along u, and of v what it found.
+    fn finding(effect: Effect, supported: bool, left_of_u: f64) -> EffectFinding {
+        let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
+        finding.supported = supported;
+        finding.axes.insert("u", AxisDrop::new(100.0, left_of_u));
+        finding.axes.insert("v", AxisDrop::new(20.0, 20.0));
+        finding
+    }
+
+    fn left(axis: Axis) -> Unexplained {
+        Unexplained { axis, depends_on: Dependence::Past, share_percent: 10.0, p_value: 0.0 }
+    }
+
+    fn diagnosis(effects: Vec<EffectFinding>, unexplained: Vec<Unexplained>) -> Diagnosis {
+        conclude(effects, unexplained, Vec::new())
+    }
+
+    #[test]
+    fn where_one_wind_is_the_answer_own_winds_are_if_it_leaves_structure_to_the_sides() {
+        let wind = |unexplained| diagnosis(vec![finding(Effect::SteadyWind, true, 10.0)], unexplained);
+        let own = wind(Vec::new());
+        assert!(is_better(&own, &wind(vec![left(Axis::W), left(Axis::V)])));
+        assert!(!is_better(&own, &wind(vec![left(Axis::W), left(Axis::P)])));
+        let other = diagnosis(vec![finding(Effect::Tether, true, 10.0)], Vec::new());
+        assert!(!is_better(&other, &wind(vec![left(Axis::U)])), "own winds are not the answer");
+    }
+
+    /// A cable leaves 80 + 20 of the horizontal forces: own winds stand for it if they leave less than half of that, 29 + 20 and not 31 + 20.
+    /// A mass speaks of w alone and leaves these forces as they were in one wind, 100 + 20: less than 60 is enough then.
+    #[test]
+    fn own_winds_stand_where_they_leave_less_than_half_of_what_another_change_leaves() {
+        let one = |other: EffectFinding| {
+            diagnosis(vec![other, finding(Effect::SteadyWind, false, 60.0)], Vec::new())
+        };
+        let own = |left| diagnosis(vec![finding(Effect::SteadyWind, true, left)], Vec::new());
+        let cable = one(finding(Effect::Tether, true, 80.0));
+        assert!(is_better(&own(29.0), &cable) && !is_better(&own(31.0), &cable));
+        let mut mass = finding(Effect::MassChange, true, 0.0);
+        mass.axes = [("w", AxisDrop::new(100.0, 1.0))].into();
+        let mass = one(mass);
+        assert!(is_better(&own(39.0), &mass) && !is_better(&own(41.0), &mass));
+    }
+
+    #[test]
+    fn the_wind_of_each_flight_is_the_mean_and_what_it_differs_by() {
+        let vehicle = truth().vehicle;
+        let mut held = FlightsOfOneKind::from_loaded(loaded([1, 2]), &vehicle, Reading::default()).unwrap();
+        for (flight, north) in held.flights.iter_mut().zip([0.5, -0.5]) {
+            flight.prepared.wind_ned_m_s = Vector3::new(north, 0.25, 0.0);
+        }
+        let mut wind = finding(Effect::SteadyWind, true, 10.0);
+        let figures = |(value, c)| CoefficientFigures::new(c, value, 0.1, &truth());
+        wind.coefficients =
+            [3.0, -1.0].into_iter().zip(Effect::SteadyWind.info().coefficients).map(figures).collect();
+        held.tell_own_winds(&diagnosis(vec![wind], Vec::new()));
+        let told =
+            held.faults.listed().iter().find(|l| l.fault.kind == FaultKind::WindBetweenFlights).unwrap();
+        assert!(
+            told.fault.sentence.ends_with(
+                "in m/s, flight-1.csv 3.50 north and -0.75 east, flight-2.csv 2.50 north and -0.75 east"
+            ),
+            "{}",
+            told.fault.sentence
+        );
+        held.forget_own_winds();
+        assert!(held.prepared().iter().all(|flight| flight.wind_ned_m_s == Vector3::zeros()));
+    }
+}
