@@ -234,15 +234,19 @@ fn planted_frames_are_found_and_named() {
     assert!(named as f64 >= 0.98 * count as f64);
 }
 
-/// Two at once are noticed as one is; which two it is, is not asked.
+/// Of the pairs, a flight has every so manyth, all of them where `QUADLAB_EXHAUSTIVE` is set, as at night.
+const PAIRS_APART: usize = 5;
+
+/// Two at once are noticed as one is; which two it is, is not asked. Each pair is planted in a fifth of the flights.
 #[test]
 fn planted_pairs_of_frames_are_noticed() {
     let flights: Vec<(u64, Vehicle, Flight)> = worlds(0..2)
         .flat_map(|(seed, vehicle, flights)| flights.into_iter().map(move |f| (seed, vehicle.clone(), f)))
         .collect();
-    let judged = flights.par_iter().map(|(seed, vehicle, flight)| {
+    let apart = if std::env::var_os("QUADLAB_EXHAUSTIVE").is_some() { 1 } else { PAIRS_APART };
+    let judged = flights.par_iter().enumerate().map(|(number, (seed, vehicle, flight))| {
         let mut counts = [0, 0];
-        for (what, edit) in planted_pairs() {
+        for (what, edit) in planted_pairs().into_iter().skip(number % apart).step_by(apart) {
             let faults = examine(&edited(flight, edit), vehicle).unwrap().faults;
             let is_noticed =
                 refused(&faults).is_some() || faults.iter().any(|f| f.kind == FaultKind::InconsistentFrames);

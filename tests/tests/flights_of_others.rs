@@ -249,21 +249,31 @@ fn a_flight_in_strong_wind_gets_an_answer_though_a_fit_does_not_settle() {
     assert_ne!(explanation.verdict(), Verdict::Adequate, "{}", explanation.conclusion());
 }
 
-/// Real, brushed motors without a map: thrust follows the voltage.
+/// Real, brushed motors without a map: thrust follows the voltage, and nothing holds the craft, whichever third of the flights is held
+/// out. In one of them a thrust that is linear in the commands stands in for the voltage better than the voltage does itself.
 #[test]
 fn nanobench_thrust_follows_the_voltage() {
     let Some(path) = shared("data/nanobench") else { return };
-    let held_out = |n: &str| n.starts_with("B3") || n.starts_with("B5");
-    let train = csv_names(&path, |n| !held_out(n));
-    let mut folder = Folder::read(&path, &train, &csv_names(&path, held_out));
-    let base = folder.identify();
-    let diagnosis = folder.diagnose(&base);
-    assert_eq!(diagnosis.best(), Some(Effect::BatteryVoltage), "{}", diagnosis.summary);
-    let with = folder.with(&base, Effect::BatteryVoltage);
-    let after = folder.compare(&with);
-    assert!(after.total.w.rms < 0.5 * folder.compare(&base).total.w.rms);
-    // Its clocks wander inside a flight: the rotation is refused, and nothing is said of it.
-    assert!(!base.fit.as_ref().unwrap().rotation_refused.is_empty());
-    let says = |axis: &Axis| after.total[*axis].rms.is_finite();
-    assert_eq!(AXES.into_iter().filter(says).collect::<Vec<_>>(), [Axis::U, Axis::V, Axis::W]);
+    let all = csv_names(&path, |_| true);
+    for third in 0..3 {
+        let (held_out, train): (Vec<_>, Vec<_>) =
+            all.iter().cloned().enumerate().partition(|(k, _)| k % 3 == third);
+        let [train, held_out] =
+            [train, held_out].map(|set| set.into_iter().map(|(_, name)| name).collect::<Vec<_>>());
+        let mut folder = Folder::read(&path, &train, &held_out);
+        let base = folder.identify();
+        let diagnosis = folder.diagnose(&base);
+        let found: Vec<Effect> = diagnosis.effects.iter().filter(|e| e.supported).map(|e| e.effect).collect();
+        assert_eq!(found, [Effect::BatteryVoltage], "{held_out:?}: {}", diagnosis.summary);
+        if third > 0 {
+            continue;
+        }
+        let with = folder.with(&base, Effect::BatteryVoltage);
+        let after = folder.compare(&with);
+        assert!(after.total.w.rms < 0.5 * folder.compare(&base).total.w.rms);
+        // Its clocks wander inside a flight: the rotation is refused, and nothing is said of it.
+        assert!(!base.fit.as_ref().unwrap().rotation_refused.is_empty());
+        let says = |axis: &Axis| after.total[*axis].rms.is_finite();
+        assert_eq!(AXES.into_iter().filter(says).collect::<Vec<_>>(), [Axis::U, Axis::V, Axis::W]);
+    }
 }

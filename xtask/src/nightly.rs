@@ -27,6 +27,12 @@ pub(crate) const PARTS: &[Step] = &[
         run: damaged_inputs,
     },
     Step {
+        name: "frames",
+        about: "every rotation of a signal with every wrong order of the quaternion, in every flight: they are noticed",
+        tools: &[],
+        run: pairs_of_frames,
+    },
+    Step {
         name: "coverage",
         about: "each fuzz target for a minute, guided by the code it reaches: finds what chance does not",
         tools: &[&CARGO_FUZZ],
@@ -128,6 +134,14 @@ fn damaged_inputs(_: &Workspace) -> Result<Outcome> {
         tally.add(&harness(command)?);
     }
     Ok(Outcome::Ran(tally))
+}
+
+/// The test of two wrong frames at once, of which the usual tests plant a fifth.
+fn pairs_of_frames(_: &Workspace) -> Result<Outcome> {
+    let mut command =
+        cargo(["test", "--workspace", "--test", "faults", "--", "planted_pairs_of_frames", "--show-output"]);
+    command.env("QUADLAB_EXHAUSTIVE", "1");
+    Ok(Outcome::Ran(harness(command)?))
 }
 
 fn fuzz_targets(_: &Workspace) -> Result<Outcome> {

@@ -42,6 +42,9 @@ pub(crate) const ABOVE_NOISE: f64 = 1.6;
 /// Part of the excess over the noise that the right effects may leave. In simulated flights they leave none; a formula that
 /// is only nearly right leaves a hundredth, a stand-in for something else a twentieth or more.
 pub(crate) const LEFT_BY_THE_RIGHT: f64 = 0.03;
+/// Part of the squared error of an axis, percent, that must fall with what is found once stand-ins have been refused: the flights are asked
+/// a second time, when it is known that something looks like what is missing. A battery that sags takes nine tenths of thrust's.
+const AFTER_STAND_INS_PERCENT: f64 = 75.0;
 /// Most that winds of the flights' own may leave of the horizontal forces, of what an effect leaves that was found in one wind: they
 /// have two numbers for each flight, and follow small differences of trim as well. In calm air they leave three quarters
 /// of what a tilted attitude leaves, or more; before a fan wall, a tenth of what a cable leaves that was found in its place.
@@ -356,6 +359,12 @@ pub(crate) fn stand_in(finding: &EffectFinding, left: &Left<'_>) -> Option<Reaso
     })
 }
 
+/// Whether what was found once stand-ins had been refused takes so much that it is no stand-in itself.
+pub(crate) fn takes_most(findings: &[EffectFinding]) -> bool {
+    let drops = findings.iter().filter(|f| f.supported).flat_map(|f| f.axes.values());
+    drops.map(|drop| drop.drop_percent).fold(0.0, f64::max) >= AFTER_STAND_INS_PERCENT
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -503,5 +512,17 @@ mod tests {
         finding.effect = Effect::MotorLag;
         let late = Left { unexplained: &[], incomplete: [false; 6], answers_late: true };
         assert_eq!(stand_in(&finding, &late), Some(Reason::AnswersLate));
+    }
+
+    #[test]
+    fn after_stand_ins_an_effect_must_take_most_of_an_axis() {
+        let mut finding = heavier();
+        finding.supported = true;
+        for (percent, expected) in [(74.9, false), (75.0, true)] {
+            finding.axes.insert("w", AxisDrop::new(100.0, 100.0 - percent));
+            assert_eq!(takes_most(std::slice::from_ref(&finding)), expected, "{percent}");
+        }
+        finding.refuse(Reason::LikeChance);
+        assert!(!takes_most(&[finding]) && !takes_most(&[]));
     }
 }

@@ -14,22 +14,22 @@
 //! held-out standard (`residual_tests.rs`): that is the difference between "adequate" and "unexplained". What the flights do not
 //! determine at all (`unidentified.rs`) is neither (`conclusion.rs`).
 
-use model::Model;
+use model::{Effect, Model};
 use sysid::fit::slow;
 use sysid::prepare::Prepared;
 use sysid::{Residuals, residuals};
 
 use crate::conclusion::conclude;
-use crate::criteria::Left;
-use crate::finding::{Diagnosis, Unexplained};
+use crate::criteria::{Left, takes_most};
+use crate::finding::{Diagnosis, Unexplained, supported};
 use crate::held_out::Validated;
 use crate::noise;
 use crate::not_logged::without_sides;
 use crate::observer::{Observer, Progress};
 use crate::options::Options;
-use crate::ranking::{confounded, ranked};
+use crate::ranking::{Confounded, confounded, ranked};
 use crate::residual_tests::{Structure, structure};
-use crate::search::Search;
+use crate::search::{Chosen, Search};
 use crate::search_error::SearchError;
 use crate::stand_ins::{above_noise, incomplete, refuse_stand_ins};
 use crate::unidentified::unidentified;
@@ -58,11 +58,51 @@ pub fn diagnose_with(
     let flights = [train, validate].concat();
     let candidates = options.candidates_by(model, &flights);
     let search = Search::new(model, candidates, train, validate, observer)?;
-    let mut chosen = search.choose()?;
-    let confounded = confounded(&search, &chosen)?;
-    observer.progress(Progress { activity: "testing what is left", steps: None });
+    let Found { chosen, confounded, mut unexplained, .. } = found(&search)?;
+    without_sides(&mut unexplained, &flights);
+    let effects = ranked(&search, chosen.findings, &confounded)?;
+    let rest = chosen.validated.as_ref().unwrap_or(&search.base);
+    let refused = model.fit.as_ref().map_or(&[][..], |fit| &fit.rotation_refused);
+    let unknown = unidentified(&rest.fit.model, refused, &unexplained, train, (validate, &rest.held_out));
+    Ok(conclude(effects, unexplained, unknown))
+}
+
+/// What a search found, once stand-ins are refused.
+pub(crate) struct Found {
+    pub(crate) chosen: Chosen,
+    confounded: Vec<Confounded>,
+    unexplained: Vec<Unexplained>,
+    stand_ins: Vec<Effect>,
+}
+
+/// What a search finds; where that is stand-ins alone, what it finds without them. A stand-in that fits better than the right effect keeps
+/// it out of the set, for beside the stand-in it adds little.
+pub(crate) fn found(search: &Search<'_>) -> Result<Found, SearchError> {
+    let first = found_without(search, &[])?;
+    if first.stand_ins.is_empty() || !supported(&first.chosen.findings).is_empty() {
+        return Ok(first);
+    }
+    let mut second = found_without(search, &first.stand_ins)?;
+    if !takes_most(&second.chosen.findings) {
+        return Ok(first);
+    }
+    second.confounded.retain(|(_, rival)| !first.stand_ins.contains(rival));
+    let refused =
+        first.chosen.findings.into_iter().filter(|finding| first.stand_ins.contains(&finding.effect));
+    second.chosen.findings.extend(refused);
+    Ok(second)
+}
+
+/// What a search finds without some candidates.
+fn found_without(search: &Search<'_>, refused: &[Effect]) -> Result<Found, SearchError> {
+    let (train, validate) = (search.train, search.validate);
+    let mut chosen = search.choose_without(refused)?;
+    let members = supported(&chosen.findings);
+    let confounded = confounded(search, &chosen)?;
+    search.observer.progress(Progress { activity: "testing what is left", steps: None });
     let noise_before = excess(&search.base, validate);
-    let mut unexplained = loop {
+    let mut stand_ins = Vec::new();
+    let unexplained = loop {
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);
         let Structure { unexplained, answers_late } = what_is_left(rest, train, validate);
         let incomplete = incomplete(&noise_before, &excess(rest, validate));
@@ -70,14 +110,11 @@ pub fn diagnose_with(
         if !refuse_stand_ins(&mut chosen.findings, &left) {
             break unexplained;
         }
+        let kept = supported(&chosen.findings);
+        stand_ins = members.iter().copied().filter(|effect| !kept.contains(effect)).collect();
         search.refit(&mut chosen)?;
     };
-    without_sides(&mut unexplained, &flights);
-    let effects = ranked(&search, chosen.findings, &confounded)?;
-    let rest = chosen.validated.as_ref().unwrap_or(&search.base);
-    let refused = model.fit.as_ref().map_or(&[][..], |fit| &fit.rotation_refused);
-    let unknown = unidentified(&rest.fit.model, refused, &unexplained, train, (validate, &rest.held_out));
-    Ok(conclude(effects, unexplained, unknown))
+    Ok(Found { chosen, confounded, unexplained, stand_ins })
 }
 
 /// What the residual of a model depends on, and what of it is above the noise for another cause.

@@ -14,6 +14,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::criteria::{Applied, Evidence, applied};
+use crate::diagnose::found;
 use crate::figures::{rms_fall_percent, rms_of};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::held_out::{Validated, examine, fit_and_validate};
@@ -184,9 +185,23 @@ pub fn why(
         Ok(with) => examine(&search.base, with, effect, (train, validate), search.count()),
         Err(why) => EffectFinding::unsupported(effect, validate.len(), Reason::Refused(why.clone())),
     };
-    let found = search.choose()?.findings;
+    let (found, refused): (Vec<EffectFinding>, Vec<EffectFinding>) =
+        found(&search)?.chosen.findings.into_iter().partition(|finding| finding.supported);
     let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
-    Ok(assemble(model.has(effect), &search, (with.as_ref().ok(), &finding), (&found, beside), validate))
+    let refused = refused.into_iter().find(|refused| refused.effect == effect).map(|refused| refused.reason);
+    let diagnosis =
+        Diagnosed { found: found.iter().map(|finding| finding.effect).collect(), beside, refused };
+    Ok(assemble(model.has(effect), &search, (with.as_ref().ok(), &finding), diagnosis, validate))
+}
+
+/// What a diagnosis makes of the effect.
+struct Diagnosed {
+    /// The effects that it finds.
+    found: Vec<Effect>,
+    /// What the effect adds to those of them that are others, percent.
+    beside: Option<f64>,
+    /// Why it refuses the effect, which it tried.
+    refused: Option<Reason>,
 }
 
 /// What the effect adds, percent of the held-out squared error over its axes, with the others that were found in place.
@@ -218,7 +233,7 @@ fn assemble(
     in_model: bool,
     search: &Search<'_>,
     (with, finding): (Option<&Validated>, &EffectFinding),
-    (found, beside): (&[EffectFinding], Option<f64>),
+    diagnosis: Diagnosed,
     validate: &[&Prepared],
 ) -> Why {
     let effect = finding.effect;
@@ -237,27 +252,26 @@ fn assemble(
         };
         shown.map(named).collect()
     };
-    let found: Vec<Effect> = found.iter().map(|f| f.effect).collect();
     Why {
         effect,
         in_model,
         supported: finding.supported,
-        summary: summary(in_model, finding, &found, beside),
+        summary: summary(in_model, finding, &diagnosis),
         criteria: with.map_or_else(Vec::new, |with| criteria(&Evidence::missing(finding, &with.fit.model))),
         flights: with
             .map_or_else(Vec::new, |with| flights((&search.base.held_out, &with.held_out), validate)),
         coefficients: coefficients(finding),
         variance_inflation: 1.0 / left.max(f64::MIN_POSITIVE),
         alike: index.map_or_else(Vec::new, |i| alike(screen, i)),
-        found,
-        drop_percent_beside_found: beside,
+        found: diagnosis.found,
+        drop_percent_beside_found: diagnosis.beside,
         best_sets: scored(&|_| true),
         best_sets_with_it: scored(&|members| index.is_some_and(|i| members.contains(&i))),
         to_see_it: effect.info().excitation,
     }
 }
 
-fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Option<f64>) -> String {
+fn summary(in_model: bool, finding: &EffectFinding, diagnosis: &Diagnosed) -> String {
     let EffectFinding { effect, reason, supported, .. } = finding;
     let what = match (in_model, supported) {
         (true, true) => format!("{effect} is in the model, and these flights support it: {reason}."),
@@ -265,20 +279,24 @@ fn summary(in_model: bool, finding: &EffectFinding, found: &[Effect], beside: Op
         (false, true) => format!("{effect} is supported by itself: {reason}."),
         (false, false) => format!("{effect} is not supported: {reason}."),
     };
+    let Diagnosed { found, beside, refused } = diagnosis;
     let others: Vec<Effect> = found.iter().copied().filter(|other| other != effect).collect();
     match beside {
         Some(percent) => {
             let rms = rms_of(effect.info().axes);
-            let fall = if percent <= 0.0 {
+            let fall = if *percent <= 0.0 {
                 format!("does not lower the held-out {rms}")
             } else {
-                format!("lowers the held-out {rms} by {} %", number::percent(rms_fall_percent(percent)))
+                format!("lowers the held-out {rms} by {} %", number::percent(rms_fall_percent(*percent)))
             };
             let others = joined(&others, " and ");
             format!("{what} With {others} in the model, which the diagnosis finds, it {fall}.")
         }
         None if found.contains(effect) => format!("{what} The diagnosis finds it as well."),
-        None => what,
+        None => match refused.as_ref().filter(|_| *supported) {
+            Some(reason) => format!("{what} The diagnosis refuses it all the same: {reason}."),
+            None => what,
+        },
     }
 }
 

@@ -128,9 +128,9 @@ impl<'a> Search<'a> {
         self.screen.candidates.len() + self.searched.len()
     }
 
-    /// Finds the set.
-    pub(crate) fn choose(&self) -> Result<Chosen, SearchError> {
-        let (mut refused, mut chosen) = (Vec::new(), Chosen { findings: Vec::new(), validated: None });
+    /// Finds the set, without candidates that were refused before.
+    pub(crate) fn choose_without(&self, refused: &[Effect]) -> Result<Chosen, SearchError> {
+        let (mut refused, mut chosen) = (refused.to_vec(), Chosen { findings: Vec::new(), validated: None });
         for _ in 0..SEARCHES {
             let before = supported(&chosen.findings);
             let (set, with) = self.grown(before.clone(), chosen.validated.clone(), &refused)?;
@@ -423,7 +423,7 @@ mod tests {
         world.set(Effect::QuadraticDrag, &[-0.3; 2]);
         let candidates = [Effect::SteadyWind, Effect::QuadraticDrag, Effect::QuadraticYawDamping];
         with_search(&world, &candidates, |search| {
-            let chosen = search.choose().unwrap();
+            let chosen = search.choose_without(&[]).unwrap();
             assert_eq!(supported(&chosen.findings), [Effect::QuadraticDrag]);
             let model = chosen.validated.unwrap().fit.model;
             assert!(model.has(Effect::QuadraticDrag) && !model.has(Effect::SteadyWind));
@@ -457,12 +457,12 @@ mod tests {
     #[test]
     fn of_a_complete_model_nothing_is_chosen() {
         with_search(&truth(), &[Effect::SteadyWind, Effect::QuadraticDrag], |search| {
-            let chosen = search.choose().unwrap();
+            let chosen = search.choose_without(&[]).unwrap();
             assert!(chosen.findings.is_empty() && chosen.validated.is_none());
         });
         with_search(&truth(), &[], |search| {
             assert_eq!(search.count(), 0);
-            assert!(search.choose().unwrap().validated.is_none());
+            assert!(search.choose_without(&[]).unwrap().validated.is_none());
         });
     }
 

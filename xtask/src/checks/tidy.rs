@@ -15,6 +15,7 @@ use pulldown_cmark::Event;
 use crate::base::markdown::{events, links, path_of, resolved};
 use crate::base::process::{in_continuous_integration, output_of};
 use crate::base::workspace::{self, Workspace};
+use crate::source::for_tests;
 
 /// Crates that may use `unsafe`, as (crate, why nothing safe does it).
 const MAY_USE_UNSAFE: &[(&str, &str)] = &[
@@ -27,6 +28,9 @@ const LEFTOVERS: [&str; 3] = ["todo", "unimplemented", "dbg"];
 
 /// A clone stays quick: large data are fetched or generated. Bytes.
 const LARGEST_FILE: u64 = 1_000_000;
+
+/// Crates in which each module has unit tests beside it: a wrong number of theirs is believed.
+const TESTED_BESIDE: [&str; 2] = ["host-sim/diagnosis/src/", "host-sim/sysid/src/"];
 
 /// Where the book is.
 const BOOK: &str = "host-sim/book/src/";
@@ -47,7 +51,11 @@ pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>> {
         problems.extend(crate_head(&place, &package, &read(&source)?));
     }
     for file in files.iter().filter(|file| file.ends_with(".rs")) {
-        problems.extend(leftovers(file, &read(&root.join(file))?));
+        let source = read(&root.join(file))?;
+        problems.extend(leftovers(file, &source));
+        if TESTED_BESIDE.iter().any(|crate_source| file.starts_with(crate_source)) {
+            problems.extend(untested(file, &source));
+        }
     }
     // The book links to pages that are generated, and has a step of its own.
     let pages = files.iter().filter(|file| file.ends_with(".md") && !file.starts_with(BOOK));
@@ -162,6 +170,20 @@ fn is_call(after: &[TokenTree]) -> bool {
         if mark.as_char() == '!' && group.delimiter() != Delimiter::None)
 }
 
+/// A module that does something and has no unit tests beside it.
+fn untested(file: &str, source: &str) -> Option<String> {
+    // What is no Rust is told of with the leftovers; what is for the tests of other modules is tested by them.
+    let module = syn::parse_file(source).ok().filter(|_| !file.ends_with("/testing.rs"))?;
+    let works = |item: &syn::Item| match item {
+        syn::Item::Fn(_) => true,
+        syn::Item::Impl(block) => block.items.iter().any(|item| matches!(item, syn::ImplItem::Fn(_))),
+        _ => false,
+    };
+    let tests = |item: &syn::Item| matches!(item, syn::Item::Mod(inner) if for_tests(&inner.attrs));
+    (module.items.iter().any(works) && !module.items.iter().any(tests))
+        .then(|| format!("{file}: has no unit tests; write some at its end"))
+}
+
 /// Files and folders of the project, relative to its root.
 struct Paths {
     files: BTreeSet<String>,
@@ -257,6 +279,18 @@ mod tests {
         let harmless = "// todo!()\n/// dbg!(x)\nfn todo() -> &'static str { \"todo!()\" }\nfn g() -> bool { todo() != \"\" }";
         assert_eq!(leftovers("a.rs", harmless), [""; 0]);
         assert_eq!(leftovers("a.rs", "fn f() {").len(), 1);
+    }
+
+    #[test]
+    fn a_module_that_does_something_has_tests() {
+        let tests = "#[cfg(test)]\nmod tests {}";
+        for works in ["fn f() {}", "struct A;\nimpl A { fn f() {} }"] {
+            assert!(untested("a.rs", works).is_some_and(|problem| problem.starts_with("a.rs: ")));
+            assert_eq!(untested("a.rs", &format!("{works}\n{tests}")), None);
+            assert!(untested("a.rs", &format!("{works}\n// {}", tests.replace('\n', " "))).is_some());
+            assert_eq!(untested("b/testing.rs", works), None);
+        }
+        assert_eq!(untested("a.rs", "pub(crate) mod b;\npub const C: u8 = 1;\nstruct A;"), None);
     }
 
     #[test]

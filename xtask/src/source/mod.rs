@@ -7,6 +7,7 @@ mod names;
 mod paths;
 mod tree;
 
+pub(crate) use attributes::for_tests;
 pub(crate) use graph::Graph;
 pub(crate) use lengths::lengths;
 pub(crate) use names::arrows;
