@@ -73,6 +73,8 @@ pub(crate) struct Found {
     confounded: Vec<Confounded>,
     unexplained: Vec<Unexplained>,
     stand_ins: Vec<Effect>,
+    /// Whether what is left still answers the rotors of the last half second.
+    answers_late: bool,
 }
 
 /// What a search finds; where that is stand-ins alone, what it finds without them. A stand-in that fits better than the right effect keeps
@@ -83,7 +85,8 @@ pub(crate) fn found(search: &Search<'_>) -> Result<Found, SearchError> {
         return Ok(first);
     }
     let mut second = found_without(search, &first.stand_ins)?;
-    if !takes_most(&second.chosen.findings) {
+    // What answers late and was refused for it is not what was found in its place.
+    if !takes_most(&second.chosen.findings) || second.answers_late {
         return Ok(first);
     }
     second.confounded.retain(|(_, rival)| !first.stand_ins.contains(rival));
@@ -102,19 +105,19 @@ fn found_without(search: &Search<'_>, refused: &[Effect]) -> Result<Found, Searc
     search.observer.progress(Progress { activity: "testing what is left", steps: None });
     let noise_before = excess(&search.base, validate);
     let mut stand_ins = Vec::new();
-    let unexplained = loop {
+    let (unexplained, answers_late) = loop {
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);
         let Structure { unexplained, answers_late } = what_is_left(rest, train, validate);
         let incomplete = incomplete(&noise_before, &excess(rest, validate));
         let left = Left { unexplained: &unexplained, incomplete, answers_late };
         if !refuse_stand_ins(&mut chosen.findings, &left) {
-            break unexplained;
+            break (unexplained, answers_late);
         }
         let kept = supported(&chosen.findings);
         stand_ins = members.iter().copied().filter(|effect| !kept.contains(effect)).collect();
         search.refit(&mut chosen)?;
     };
-    Ok(Found { chosen, confounded, unexplained, stand_ins })
+    Ok(Found { chosen, confounded, unexplained, stand_ins, answers_late })
 }
 
 /// What the residual of a model depends on, and what of it is above the noise for another cause.
