@@ -447,6 +447,31 @@ mod tests {
         assert_eq!(broken_alone.len(), crate::criteria::RULES.len() + own_rules.len(), "{broken_alone:#?}");
     }
 
+    /// Supported by itself, and what the diagnosis makes of it: found, found beside others, or refused with the reason it gives itself.
+    #[test]
+    fn a_summary_says_what_the_diagnosis_makes_of_the_effect() {
+        let mut finding = EffectFinding::unsupported(Effect::ThrustLinear, 2, Reason::LikeChance);
+        finding.supported = true;
+        let said = |found: &[Effect], beside: Option<f64>, refused: Option<Reason>| {
+            summary(false, &finding, &Diagnosed { found: found.to_vec(), beside, refused })
+        };
+        let is_found = said(&[Effect::ThrustLinear], None, None);
+        assert!(is_found.ends_with(" The diagnosis finds it as well."), "{is_found}");
+        let refused = said(&[], None, Some(Reason::AnswersLate));
+        let reason = Reason::AnswersLate.to_string();
+        assert!(
+            refused.ends_with(&format!(" The diagnosis refuses it all the same: {reason}.")),
+            "{refused}"
+        );
+        let beside = said(&[Effect::BatteryVoltage], Some(-1.0), Some(Reason::AnswersLate));
+        assert!(
+            beside
+                .contains(" With battery-voltage in the model, which the diagnosis finds, it does not lower"),
+            "{beside}"
+        );
+        assert!(!said(&[], None, None).contains("The diagnosis"));
+    }
+
     /// Columns at an angle have its cosine as their only canonical correlation: 1 / sin^2.
     #[test]
     fn the_variance_inflation_of_columns_at_an_angle() {

@@ -492,3 +492,68 @@ fn span_of(mut values: Vec<f64>) -> Option<Span> {
     let at = |part: f64| values[((values.len() - 1) as f64 * part).round() as usize];
     Some(Span { low: at(0.005), high: at(0.995) })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::FRAC_PI_2;
+
+    use model::{Plant, State, frames};
+    use nalgebra::Vector3;
+
+    use super::*;
+    use crate::testing::{NONE, prepared, truth};
+
+    /// A level craft 3 m north and 4 m east of where the first two further columns say, heading east.
+    fn value(source: Source) -> f64 {
+        let plant = Plant::new(&truth());
+        let mut state = State::at_rest(Vector3::new(4.0, 6.0, -1.0), [600.0; 4]);
+        state.attitude = frames::quaternion_from_euler(Vector3::new(0.0, 0.0, FRAC_PI_2));
+        let mut input = plant.input(&state, &[600.0; 4], 11.5);
+        input.further[..2].copy_from_slice(&[1.0, 2.0]);
+        Variable::new("x", "x".into(), source, "1").of_rotor(&plant.sample_of(&input), 0)
+    }
+
+    #[test]
+    fn places_are_taken_along_a_bearing_and_from_what_columns_say() {
+        let [north, psi] = ["north", "psi"].map(|name| Quantity::named(name).unwrap());
+        for (source, expected) in [
+            // cos(60 degrees) is a half.
+            (Source::Along(60.0, direction(60.0)), 0.5 * 4.0 + 0.75_f64.sqrt() * 6.0),
+            (Source::Distance([0, 1]), 5.0),
+            (Source::From(north, 0), 3.0),
+            (Source::Further(1), 2.0),
+            (Source::Sine(psi), 1.0),
+            (Source::Cosine(psi), 0.0),
+            (Source::OwnSpeed, 600.0),
+        ] {
+            // Parts of a direction have four digits.
+            assert!((value(source) - expected).abs() < 1e-3, "{source:?}: {}", value(source));
+        }
+        assert!(value(Source::FromCenter { is_point: true }).is_nan());
+    }
+
+    #[test]
+    fn a_span_is_the_middle_99_of_100_values() {
+        let shuffled: Vec<f64> = (0..1001).map(|k| f64::from(k * 389 % 1001)).collect();
+        let span = span_of(shuffled.clone()).unwrap();
+        assert_eq!((span.low, span.high), (5.0, 995.0));
+        assert!(span_of(Vec::new()).is_none());
+        assert!(span_of([shuffled, vec![f64::NAN]].concat()).is_none());
+    }
+
+    /// Nothing flies through a column that nobody logged, and what does not move is no variable.
+    #[test]
+    fn what_flights_have_is_searched_and_what_stands_still_is_not() {
+        let flights = prepared(&truth(), 1..3, 6.0, &NONE);
+        let all = Variable::all(&flights.iter().collect::<Vec<&Prepared>>(), &truth());
+        let has = |name: &str| all.iter().any(|variable| variable.name == name);
+        assert!(has("height") && has("thrust") && has("u") && !has("other_north"));
+        let relatives_of = |name: &str| {
+            let own = all.iter().find(|v| v.name == name && v.chosen().is_some()).expect(name);
+            own.relatives(&all, Grid::Fine).into_iter().map(|k| &all[k]).collect::<Vec<_>>()
+        };
+        // Of a place along a bearing: places along others.
+        let places = relatives_of("place");
+        assert!(!places.is_empty() && places.iter().all(|v| v.quantities() == ["east", "north"]));
+    }
+}
