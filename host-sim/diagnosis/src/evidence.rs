@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::criteria::{Applied, Evidence, applied};
 use crate::diagnose::found;
 use crate::figures::{rms_fall_percent, rms_of};
-use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
+use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, supported};
 use crate::held_out::{Validated, examine, fit_and_validate};
 use crate::observer::Observer;
 use crate::options::Options;
@@ -185,12 +185,11 @@ pub fn why(
         Ok(with) => examine(&search.base, with, effect, (train, validate), search.count()),
         Err(why) => EffectFinding::unsupported(effect, validate.len(), Reason::Refused(why.clone())),
     };
-    let (found, refused): (Vec<EffectFinding>, Vec<EffectFinding>) =
-        found(&search)?.chosen.findings.into_iter().partition(|finding| finding.supported);
+    let findings = found(&search)?.chosen.findings;
+    let found = supported(&findings);
     let beside = beside_found(&search, &without, effect, &found, (train, validate))?;
-    let refused = refused.into_iter().find(|refused| refused.effect == effect).map(|refused| refused.reason);
-    let diagnosis =
-        Diagnosed { found: found.iter().map(|finding| finding.effect).collect(), beside, refused };
+    let refused = findings.into_iter().find(|one| one.effect == effect && !one.supported);
+    let diagnosis = Diagnosed { found, beside, refused: refused.map(|refused| refused.reason) };
     Ok(assemble(model.has(effect), &search, (with.as_ref().ok(), &finding), diagnosis, validate))
 }
 
@@ -209,10 +208,10 @@ fn beside_found(
     search: &Search<'_>,
     without: &Model,
     effect: Effect,
-    found: &[EffectFinding],
+    found: &[Effect],
     (train, validate): (&[&Prepared], &[&Prepared]),
 ) -> Result<Option<f64>, FitError> {
-    let others: Vec<Effect> = found.iter().map(|f| f.effect).filter(|e| *e != effect).collect();
+    let others: Vec<Effect> = found.iter().copied().filter(|e| *e != effect).collect();
     if others.is_empty() {
         return Ok(None);
     }
