@@ -140,3 +140,19 @@ fn free_swings_are_damped_cosines_and_sines() {
         assert!((velocity - decay * (damped * t).sin() / damped).abs() < 1e-12, "{k}");
     }
 }
+
+/// Each as by itself, to the bit, however long the others are.
+#[test]
+fn loads_followed_side_by_side_do_not_touch_each_other() {
+    let place =
+        |k: usize, speed: f64| Vector3::new(speed * 0.01 * k as f64, 0.3 * (0.02 * k as f64).sin(), -1.0);
+    let ways: [Vec<Vector3<f64>>; 4] =
+        std::array::from_fn(|i| (0..[0, 1, 120, 77][i]).map(|k| place(k, i as f64)).collect());
+    let begun: [[f64; 4]; 4] = std::array::from_fn(|i| [0.01 * i as f64, -0.02, 0.03, 0.1]);
+    let of_load: [(&[Vector3<f64>], [f64; 4]); 4] = std::array::from_fn(|i| (&ways[i][..], begun[i]));
+    let together = LOAD.driven_side_by_side(of_load, 0.01, GRAVITY_M_S2);
+    for ((way, begun), swings) in ways.iter().zip(begun).zip(together) {
+        assert_eq!(swings, LOAD.driven(way, begun, 0.01, GRAVITY_M_S2));
+        assert_eq!(swings.len(), way.len());
+    }
+}

@@ -55,11 +55,17 @@ pub enum FitError {
         /// What to fly.
         excitation: &'static str,
     },
-    /// The iteration for an adjusting effect ran away.
-    #[error(
-        "the fit of {effect} does not converge: these flights do not determine it; to see it: {excitation}"
-    )]
+    /// The iteration for an adjusting effect came to no end.
+    #[error("{}", does_not_converge(effect, excitation))]
     NotConverged {
+        /// The effect.
+        effect: &'static str,
+        /// What to fly.
+        excitation: &'static str,
+    },
+    /// A scale of an adjusting effect, such as a length, ended where the possible ends.
+    #[error("{}", does_not_converge(effect, excitation))]
+    RanAway {
         /// The effect.
         effect: &'static str,
         /// What to fly.
@@ -74,11 +80,18 @@ impl FitError {
             Self::NotExcited { effect, .. }
             | Self::NoRotation { effect }
             | Self::ExplainsNothing { effect, .. }
-            | Self::NotConverged { effect, .. } => Some(effect),
+            | Self::NotConverged { effect, .. }
+            | Self::RanAway { effect, .. } => Some(effect),
             Self::NotFinite { effect, .. } => Some(effect),
             Self::NoFlights | Self::Collinear { .. } => None,
         }
     }
+}
+
+fn does_not_converge(effect: &str, excitation: &str) -> String {
+    format!(
+        "the fit of {effect} does not converge: these flights do not determine it; to see it: {excitation}"
+    )
 }
 
 pub(crate) fn not_converged(adjusting: &[Effect]) -> FitError {
@@ -96,9 +109,7 @@ pub(crate) fn check_scales(model: &Model, adjusting: &[Effect]) -> Result<(), Fi
     };
     match adjusting.iter().find(ran_away) {
         None => Ok(()),
-        Some(effect) => {
-            Err(FitError::NotConverged { effect: effect.id(), excitation: effect.info().excitation })
-        }
+        Some(effect) => Err(FitError::RanAway { effect: effect.id(), excitation: effect.info().excitation }),
     }
 }
 
@@ -196,7 +207,10 @@ mod tests {
         };
         assert_eq!((checked(0.081), checked(9.9)), (Ok(()), Ok(())));
         for length in [0.08, 10.0, 12.0] {
-            assert_eq!(checked(length), Err(not_converged(&[Effect::SlungLoad])), "{length} m");
+            let why = checked(length).expect_err("it ran away");
+            assert!(matches!(why, FitError::RanAway { effect: "slung-load", .. }), "{length} m: {why:?}");
+            // To whoever flies, it is a fit that does not converge.
+            assert_eq!(why.to_string(), not_converged(&[Effect::SlungLoad]).to_string());
         }
         // A damping of zero is a damping, and what is not in the model has no scale.
         assert_eq!(check_scales(&truth(), &[Effect::SlungLoad]), Ok(()));

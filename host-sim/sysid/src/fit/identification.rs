@@ -108,6 +108,8 @@ fn best_of(
     layout: &Layout,
 ) -> Result<Fit, FitError> {
     let why = match least_left(starts.iter().map(|start| settle(flights, start.clone(), layout))) {
+        // All its shapes were tried: other starts of the others do not bring it back.
+        Err(why @ FitError::RanAway { .. }) => return Err(why),
         Err(why) => why,
         best => return best,
     };

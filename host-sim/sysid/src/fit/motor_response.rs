@@ -131,8 +131,8 @@ fn signals(model: &Model, flight: &Prepared) -> Vec<[Signals; 3]> {
         let mut signals: [Signals; 3] = Default::default();
         let states = flight.remembering_states(stretch, &model.vehicle, &whole, []);
         states.for_each_between(&Part::whole(stretch), |input| {
-            let all = whole.accelerations(&whole.sample_of(&input));
-            let rest = others.accelerations(&others.sample_of(&input));
+            let all = whole.accelerations(&whole.sample_of(input));
+            let rest = others.accelerations(&others.sample_of(input));
             for (place, [moment, acceleration]) in signals.iter_mut().enumerate() {
                 moment.push(all[3 + place] - rest[3 + place]);
                 acceleration.push(input.angular_acceleration_rad_s2[place]);

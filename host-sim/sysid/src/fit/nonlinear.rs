@@ -56,14 +56,17 @@ const TO_AND_FRO: f64 = 0.5;
 pub(crate) fn settle(flights: &[&Prepared], model: Model, layout: &Layout) -> Result<Fit, FitError> {
     let (most_steps, most_halvings) =
         if layout.adds() { (MAX_STEPS + MAX_STEPS / 2, HALVINGS) } else { (MAX_STEPS, 1) };
-    let rule = Rule { most_steps, most_halvings, worse: WORSE, errors: Errors::White };
+    let rule = Rule { most_steps, most_halvings, worse: WORSE, asks_first: false, errors: Errors::White };
     let is_astray = || left_by(flights, &model) > left_by(flights, &slung_load::without_load(&model));
     let is_rough = layout.is_searched && is_astray();
     let no_further = if layout.adds() { NO_FURTHER } else { 0.0 };
     let mut problem = Nonlinear::new(flights, model, layout, (is_rough, no_further));
     if is_rough {
         gauss_newton::solve(&mut problem, Rule { most_steps: ROUGH_STEPS, ..rule })?;
-        problem = Nonlinear::new(flights, problem.model, layout, (false, no_further));
+        // A length that has run away does not come back in the steps that follow.
+        let at_the_end = problem.at_the_end;
+        problem =
+            Nonlinear { at_the_end, ..Nonlinear::new(flights, problem.model, layout, (false, no_further)) };
     }
     gauss_newton::solve(&mut problem, rule)?.ok_or_else(|| not_converged(&layout.adjusting))
 }
@@ -80,6 +83,7 @@ pub(crate) fn settle_carefully(
         most_steps: CAREFUL_STEPS,
         most_halvings: CAREFUL_HALVINGS,
         worse: 0.0,
+        asks_first: true,
         errors: Errors::White,
     };
     gauss_newton::solve(&mut problem, rule)?.ok_or_else(|| not_converged(&layout.adjusting))
@@ -285,6 +289,12 @@ impl Problem for Nonlinear<'_> {
         Ok(ControlFlow::Continue(()))
     }
 
+    fn spread_left(&mut self) -> Option<f64> {
+        // Rows that are kept say it as cheaply, and how a load begins its pieces is known with the rows alone.
+        let is_asked = self.kept.is_none() && !self.layout.adds();
+        is_asked.then(|| left_by(self.flights, &self.model)).filter(|left| left.is_finite())
+    }
+
     fn halve(&mut self) {
         self.back_to(0.5);
     }
@@ -293,6 +303,29 @@ impl Problem for Nonlinear<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{NONE, fly, truth};
+
+    /// Asked or not, to the bit: a step is as wrong in either way.
+    #[test]
+    fn what_is_left_is_what_a_regression_says_of_it() {
+        let mut model = truth();
+        let flight = Prepared::new(&fly(&model, 3, 8.0, &NONE), &model.vehicle).unwrap();
+        let flights = [&flight];
+        let effects: Vec<Effect> =
+            Effect::basic().chain([Effect::SteadyWind, Effect::InputDelay, Effect::MotorLag]).collect();
+        let layout = Layout::new(&effects);
+        for (effect, values) in [
+            (Effect::SteadyWind, &[0.7, -0.4][..]),
+            (Effect::InputDelay, &[0.012]),
+            (Effect::MotorLag, &[0.01]),
+        ] {
+            model.set(effect, values);
+        }
+        let mut problem = Nonlinear::new(&flights, model, &layout, (false, LEVEL));
+        let asked = problem.spread_left();
+        assert!(asked.is_some());
+        assert_eq!(asked, problem.linearise().unwrap().left);
+    }
 
     /// Steps each -r times the one before, from 1 on, lead to 1 / (1 + r).
     #[test]

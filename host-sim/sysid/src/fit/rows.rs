@@ -179,14 +179,14 @@ impl Prepared {
     /// between samples, or at them for an IMU; m/s^2.
     pub fn predicted_forces_ned_m_s2(&self, model: &Model) -> Vec<Vec<Vector3<f64>>> {
         let plant = Plant::new(&slung_load::without_load(model));
-        let force = |input: SampleInput| {
-            let [u, v, w, ..] = plant.accelerations(&plant.sample_of(&input));
+        let force = |input: &SampleInput| {
+            let [u, v, w, ..] = plant.accelerations(&plant.sample_of(input));
             input.dcm.tr_mul(&Vector3::new(u, v, w))
         };
         let of_stretch = |stretch| {
             let states = self.remembering_states(stretch, &model.vehicle, &plant, []);
             if self.force_target == ForceTarget::Imu {
-                return (0..states.len()).map(|k| force(states.at(k))).collect();
+                return (0..states.len()).map(|k| force(&states.at(k))).collect();
             }
             let mut forces = Vec::with_capacity(states.len());
             states.for_each_between(&Part::whole(stretch), |input| forces.push(force(input)));
@@ -234,8 +234,8 @@ impl Prepared {
                     let gust = states.gust_after(k);
                     k += 1;
                     let write = |row: &mut [f64]| match gust {
-                        None => layout.write(terms, &plant.sample_of(&input), row),
-                        Some(gust) => in_gust.write((&layout, terms, plant), &input, gust, row),
+                        None => layout.write(terms, &plant.sample_of(input), row),
+                        Some(gust) => in_gust.write((&layout, terms, plant), input, gust, row),
                     };
                     if moments.push(write).is_some() {
                         append(&layout.places, &moments.row, &mut result);

@@ -163,6 +163,9 @@ impl Problem<'_> {
     fn improve(&mut self, start: End) -> End {
         let info = self.effect.info();
         let shape: Vec<usize> = (0..self.is_shape.len()).filter(|k| self.is_shape[*k]).collect();
+        // What was no better than the best of then is no better than one that is better still.
+        let shape_of = |values: &[f64]| shape.iter().map(|&k| values[k]).collect::<Vec<f64>>();
+        let mut tried = vec![shape_of(&start.values)];
         let mut best = Some(start);
         for change in CHANGES {
             for _ in 0..ROUNDS {
@@ -174,6 +177,10 @@ impl Problem<'_> {
                     let scale =
                         if low > 0.0 { values[k] } else { 4.0 * step_scale(self.has_map, self.effect, k) };
                     values[k] = (values[k] + sign * change * scale).clamp(low, high);
+                    if tried.contains(&shape_of(&values)) {
+                        continue;
+                    }
+                    tried.push(shape_of(&values));
                     let end = self.solver.solve(&values).filter(|end| is_possible(self.effect, end));
                     moved |= better(&mut best, end);
                 }

@@ -8,7 +8,7 @@
 //! effect's coefficients as they are; while they are not, the swing is followed again from what was found. A prior keeps them
 //! honest: a load swings by some degrees, so a load of next to no mass cannot explain an oscillation by swinging wildly.
 
-use model::{Model, Pendulum};
+use model::{Model, Pendulum, SlungLoad};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3, Vector4};
 
 use crate::filter::sum_of_products;
@@ -270,12 +270,25 @@ impl Followed {
     /// Minus the derivative of the residual where only the load is another one, by `step` of one of its coefficients; beginnings as they
     /// are.
     pub(crate) fn slope_of_load(&self, ahead: &Carried, step: f64) -> RowColumn {
-        let (pull, ends) = self.unloaded.pull_from(ahead, &self.begun);
         let (part, here) = (ahead.part(), self.carried.part());
-        let mut column = RowColumn::default();
-        for (axis, (ahead, own)) in pull.iter().zip(&self.pull).enumerate() {
-            column[axis] = Some(ahead.iter().zip(own).map(|(a, h)| (part * a - here * h) / step).collect());
+        let slope = |ahead: &[Vec<f64>; 3]| -> RowColumn {
+            let mut column = RowColumn::default();
+            for (axis, (ahead, own)) in ahead.iter().zip(&self.pull).enumerate() {
+                column[axis] =
+                    Some(ahead.iter().zip(own).map(|(a, h)| (part * a - here * h) / step).collect());
+            }
+            column
+        };
+        // Whatever it weighs, a load that the craft's way drives swings the same.
+        let swings_alike =
+            SlungLoad { mass_kg: self.carried.load.mass_kg, ..ahead.load } == self.carried.load;
+        if swings_alike {
+            let mut column = slope(&self.pull);
+            self.take_out(&mut column);
+            return column;
         }
+        let (pull, ends) = self.unloaded.pull_from(ahead, &self.begun);
+        let mut column = slope(&pull);
         self.take_out_with(&mut column, &self.slopes_of_ends(&ends, step));
         column
     }

@@ -154,13 +154,13 @@ impl Prepared {
             let states = self.remembering_states(stretch, &model.vehicle, &plant, lags.iter().copied());
             let empty = || vec![Vec::with_capacity(states.len()); count];
             let (mut moments, mut forces) = (empty(), empty());
-            let mut put = |input: SampleInput, signals: &mut [Vec<f64>]| {
-                of(&plant.sample_of(&input), &mut values);
+            let mut put = |input: &SampleInput, signals: &mut [Vec<f64>]| {
+                of(&plant.sample_of(input), &mut values);
                 signals.iter_mut().zip(&values).for_each(|(signal, value)| signal.push(*value));
             };
             states.for_each_between(&Part::whole(stretch), |input| put(input, &mut moments));
             if self.force_target == ForceTarget::Imu {
-                (0..states.len()).for_each(|k| put(states.at(k), &mut forces));
+                (0..states.len()).for_each(|k| put(&states.at(k), &mut forces));
             } else {
                 forces.clone_from(&moments);
             }
@@ -187,7 +187,7 @@ impl Prepared {
             layout.turn_forces(&of.turned, dcm, values, &mut forces[first..]);
         };
         states.for_each_between(&Part::whole(stretch), |input| {
-            layout.write(terms, &plant.sample_of(&input), &mut values);
+            layout.write(terms, &plant.sample_of(input), &mut values);
             moments.extend_from_slice(&values[..layout.wanted]);
             if !imu {
                 push_forces(&values, &input.dcm, &mut forces);

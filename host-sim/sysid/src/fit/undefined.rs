@@ -95,8 +95,8 @@ impl Asked {
         Some(Self { user, coefficients })
     }
 
-    fn reason(&self, plant: &Plant, input: SampleInput) -> Option<String> {
-        let sample = plant.sample_of(&input);
+    fn reason(&self, plant: &Plant, input: &SampleInput) -> Option<String> {
+        let sample = plant.sample_of(input);
         let undefined = self.coefficients.iter().find_map(|c| self.user.undefined(&sample, c));
         undefined.map(|undefined| undefined.to_string())
     }
@@ -114,14 +114,14 @@ fn undefined_samples(
     let lags = asked.iter().flat_map(|asked| asked.user.lags());
     let states = flight.remembering_states(stretch, &model.vehicle, plant, lags);
     let mut bad = vec![false; states.len()];
-    let mut ask = |k: usize, input: SampleInput| {
+    let mut ask = |k: usize, input: &SampleInput| {
         if let Some(found) = asked.iter().find_map(|a| a.reason(plant, input)) {
             bad[k] = true;
             reason.get_or_insert(found);
         }
     };
     for k in 0..states.len() {
-        ask(k, states.at(k));
+        ask(k, &states.at(k));
     }
     let mut k = 0;
     states.for_each_between(&Part::whole(stretch), |input| {

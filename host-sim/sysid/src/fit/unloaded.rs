@@ -18,6 +18,8 @@ use crate::prepare::{ForceTarget, Prepared, Stretch, vector};
 /// Window over which what drives a load is smoothed, s: it should not share the noise of a derivative, and ends (-3 dB at
 /// 26 rad/s) about where that begins.
 const DRIVING_WINDOW_S: f64 = 0.4;
+/// Pieces through which a load is followed at once.
+const SIDE_BY_SIDE: usize = 4;
 
 /// The swing of a load when a piece begins: north m, m/s, east m, m/s against the craft.
 #[derive(Debug, Clone, Copy, Default)]
@@ -56,11 +58,10 @@ impl Unloaded {
         let adjust = model.adjustments();
         let (measured, residual) = measured_less_predicted(flight, model, stride);
         let pieces = pieces(flight, stride);
-        let dcms = |stretch: &Stretch| -> Vec<Matrix3<f64>> {
-            let states = flight.states(stretch, &model.vehicle, &adjust);
-            (0..states.len()).map(|k| states.dcm(k)).collect()
-        };
-        let body_dcm: Vec<Vec<Matrix3<f64>>> = flight.stretches.iter().map(dcms).collect();
+        let untilt = adjust.tilt().map(|tilt| tilt.transpose());
+        let body = |tracked: &Matrix3<f64>| untilt.map_or(*tracked, |untilt| untilt * tracked);
+        let body_dcm: Vec<Vec<Matrix3<f64>>> =
+            flight.stretches.iter().map(|stretch| stretch.dcm.iter().map(body).collect()).collect();
         let rows = |piece: &Piece| {
             let dcm = &body_dcm[piece.stretch];
             let row = piece.samples.start + flight.margin..piece.samples.end - flight.margin;
@@ -140,14 +141,30 @@ impl Unloaded {
     ) -> ([Vec<f64>; 3], Vec<Matrix2<f64>>) {
         let mut all: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(self.dcm.len()));
         let mut ends = Vec::with_capacity(self.pieces.len());
-        for (index, piece) in self.pieces.iter().enumerate() {
-            let at = begun.get(index).map_or_else(Vector4::zeros, |begun| begun.at);
-            let swings = self.driven(piece, carried, &at);
-            let of_piece = self.pull(piece, carried, &swings);
-            all.iter_mut().zip(of_piece).for_each(|(all, pull)| all.extend(pull));
-            ends.push(self.end(piece, carried, &swings));
+        for (group, pieces) in self.pieces.chunks(SIDE_BY_SIDE).enumerate() {
+            let swings = self.driven_side_by_side(pieces, carried, begun.get(group * SIDE_BY_SIDE..));
+            for (piece, swings) in pieces.iter().zip(&swings) {
+                let of_piece = self.pull(piece, carried, swings);
+                all.iter_mut().zip(of_piece).for_each(|(all, pull)| all.extend(pull));
+                ends.push(self.end(piece, carried, swings));
+            }
         }
         (all, ends)
+    }
+
+    /// The load over some pieces, at most [`SIDE_BY_SIDE`].
+    fn driven_side_by_side(
+        &self,
+        pieces: &[Piece],
+        carried: &Carried,
+        begun: Option<&[Beginning]>,
+    ) -> [Vec<Pendulum>; SIDE_BY_SIDE] {
+        let ways = std::array::from_fn(|k| {
+            let at = begun.and_then(|begun| begun.get(k)).map_or_else(Vector4::zeros, |begun| begun.at);
+            let places = pieces.get(k).map_or(&[][..], |p| &self.places_m[p.stretch][p.samples.clone()]);
+            (places, at.into())
+        });
+        carried.load.driven_side_by_side(ways, self.period_s, carried.gravity_m_s2)
     }
 
     /// How a load swings where the next piece begins: offset m and velocity m/s, north and east.

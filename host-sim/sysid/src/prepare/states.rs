@@ -54,31 +54,39 @@ impl States<'_> {
         self.untilt.map_or(*tracked, |untilt| untilt * tracked)
     }
 
+    /// How the craft moves at a sample.
+    #[inline(always)]
+    fn motion(&self, k: usize) -> Motion {
+        let stretch = self.stretch;
+        let dcm = self.dcm(k);
+        let rate_rad_s = vector(&stretch.rate_rad_s, k);
+        // What the air does to the craft is all that looks at it.
+        let mut velocity_m_s = dcm * (vector(&stretch.velocity_ned_m_s, k) - self.wind_ned_m_s);
+        let mut position_ned_m = vector(&stretch.position_ned_m, k);
+        if self.lever_m != Vector3::zeros() {
+            velocity_m_s -= rate_rad_s.cross(&self.lever_m);
+            position_ned_m -= dcm.tr_mul(&self.lever_m);
+        }
+        let rotor_rad_s = self.rotor.each_ref().map(|r| r.speed_rad_s[k]);
+        Motion { position_ned_m, dcm, velocity_m_s, rate_rad_s, rotor_rad_s }
+    }
+
     /// At a sample, but for the accelerations.
     #[inline]
     fn without_acceleration(&self, k: usize) -> SampleInput {
-        let stretch = self.stretch;
-        let dcm = self.dcm(k);
-        let rate = vector(&stretch.rate_rad_s, k);
-        // What the air does to the craft is all that looks at it.
-        let mut velocity = dcm * (vector(&stretch.velocity_ned_m_s, k) - self.wind_ned_m_s);
-        let mut position = vector(&stretch.position_ned_m, k);
-        if self.lever_m != Vector3::zeros() {
-            velocity -= rate.cross(&self.lever_m);
-            position -= dcm.tr_mul(&self.lever_m);
-        }
+        let Motion { position_ned_m, dcm, velocity_m_s, rate_rad_s, rotor_rad_s } = self.motion(k);
         SampleInput {
-            position_ned_m: position,
+            position_ned_m,
             dcm,
-            velocity_m_s: velocity,
-            rate_rad_s: rate,
+            velocity_m_s,
+            rate_rad_s,
             angular_acceleration_rad_s2: Vector3::zeros(),
-            rotor_rad_s: self.rotor.each_ref().map(|r| r.speed_rad_s[k]),
+            rotor_rad_s,
             rotor_acceleration_rad_s2: [0.0; 4],
-            battery_v: stretch.battery_v[k],
+            battery_v: self.stretch.battery_v[k],
             pendulum: Pendulum::default(),
             memory: self.memory(k),
-            further: stretch.further_at(k),
+            further: self.stretch.further_at(k),
         }
     }
 
@@ -125,13 +133,14 @@ impl States<'_> {
     }
 
     /// Hands over the mean states between neighbouring samples of a part, one fewer.
-    pub fn for_each_between(&self, part: &Part, mut take: impl FnMut(SampleInput)) {
+    pub fn for_each_between(&self, part: &Part, mut take: impl FnMut(&SampleInput)) {
         let per_period = 1.0 / self.period_s;
         let first = part.samples.start;
-        let mut a = self.without_acceleration(first);
+        let battery_v = &self.stretch.battery_v;
+        let mut a = self.motion(first);
         for k in first + 1..part.samples.end {
-            let b = self.without_acceleration(k);
-            take(SampleInput {
+            let b = self.motion(k);
+            take(&SampleInput {
                 position_ned_m: 0.5 * (a.position_ned_m + b.position_ned_m),
                 // The mean of two attitudes a hundredth of a radian apart is a rotation to a part in 10^5.
                 dcm: 0.5 * (a.dcm + b.dcm),
@@ -142,17 +151,33 @@ impl States<'_> {
                 rotor_acceleration_rad_s2: std::array::from_fn(|i| {
                     per_period * (b.rotor_rad_s[i] - a.rotor_rad_s[i])
                 }),
-                battery_v: 0.5 * (a.battery_v + b.battery_v),
+                battery_v: 0.5 * (battery_v[k - 1] + battery_v[k]),
                 pendulum: match part.swings.get(k - 1 - first..=k - first) {
                     Some([before, after]) => before.middle(after),
                     _ => Pendulum::default(),
                 },
-                memory: a.memory.zip(b.memory).map(|(before, after)| before.middle(&after)),
-                further: std::array::from_fn(|i| 0.5 * (a.further[i] + b.further[i])),
+                memory: self.memory_after(k - 1),
+                further: self.stretch.further_after(k - 1),
             });
             a = b;
         }
     }
+
+    /// What formulas look back at halfway between a sample and the next.
+    #[inline]
+    fn memory_after(&self, k: usize) -> Option<Memory> {
+        Some(self.memory.get(k)?.middle(self.memory.get(k + 1)?))
+    }
+}
+
+/// How a craft moves at a sample.
+#[derive(Clone, Copy)]
+struct Motion {
+    position_ned_m: Vector3<f64>,
+    dcm: Matrix3<f64>,
+    velocity_m_s: Vector3<f64>,
+    rate_rad_s: Vector3<f64>,
+    rotor_rad_s: [f64; 4],
 }
 
 impl Prepared {
@@ -374,7 +399,7 @@ mod tests {
         let swung = Pendulum { turning_rad_s: Vector3::new(1.0, 0.0, 0.0), ..still };
         let part = Part { samples: 100..104, swings: vec![still, swung, swung, still] };
         let mut between = Vec::new();
-        states.for_each_between(&part, |state| between.push(state));
+        states.for_each_between(&part, |state| between.push(*state));
         assert_eq!(between.len(), 3);
         for (i, state) in between.iter().enumerate() {
             let (a, b) = (1.0 + 0.01 * i as f64, 1.01 + 0.01 * i as f64);

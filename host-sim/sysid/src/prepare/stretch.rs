@@ -87,12 +87,18 @@ impl Stretch {
         values
     }
 
+    /// The further columns halfway between a sample and the next.
+    #[inline]
+    pub(crate) fn further_after(&self, k: usize) -> Further {
+        let mut values = NO_FURTHER;
+        self.further.iter().for_each(|(place, all)| values[*place] = 0.5 * (all[k] + all[k + 1]));
+        values
+    }
+
     /// Battery at a sample, and the further columns halfway to the next.
     #[inline]
     pub(crate) fn surroundings_after(&self, k: usize) -> Surroundings {
-        let mut further = NO_FURTHER;
-        self.further.iter().for_each(|(place, all)| further[*place] = 0.5 * (all[k] + all[k + 1]));
-        Surroundings::new(self.battery_v[k], further)
+        Surroundings::new(self.battery_v[k], self.further_after(k))
     }
 
     /// Each rotor's speed. `late_s` is what the log's rotor samples come late: they are brought
@@ -128,11 +134,13 @@ impl Stretch {
                 map.voltage * 0.5 * (self.battery_v[k] + next)
             })
             .collect();
-        let by_voltage = lagged(&by_voltage, lag, -late_s / period_s, period_s);
-        self.command.each_ref().map(|command| {
-            let commanded: Vec<f64> = command.iter().map(|c| map.command * c + map.offset).collect();
-            lagged(&commanded, lag, delay, period_s).plus(&by_voltage)
-        })
+        let [a, b, c, d] = self
+            .command
+            .each_ref()
+            .map(|command| command.iter().map(|c| map.command * c + map.offset).collect::<Vec<f64>>());
+        let [a, b, c, d, by_voltage] = Lag::new(lag, period_s).lagged([a, b, c, d, by_voltage]);
+        let by_voltage = by_voltage.late(-late_s / period_s);
+        [a, b, c, d].map(|rotor| rotor.late(delay).plus(&by_voltage))
     }
 }
 
@@ -148,56 +156,92 @@ impl RotorTrack {
     }
 }
 
-/// Response of a first-order lag (at once, without one) to commands held over a sample, `delay`
-/// samples late. Exact: between samples the response is an exponential.
-fn lagged(commanded: &[f64], lag_rad_s: Option<f64>, delay: f64, period_s: f64) -> RotorTrack {
-    // At once: an exponential that has died out within any part of a sample.
-    let lag = lag_rad_s.unwrap_or(1e6 / period_s);
-    let decay = |time_s: f64| RotorLag::new(lag).decay(time_s);
-    let over_sample = decay(period_s);
-    let mut at_samples = Vec::with_capacity(commanded.len());
-    let mut now = commanded.first().copied().unwrap_or(0.0);
-    for &target in commanded {
-        at_samples.push(now);
-        // `decayed` as a weighted mean: equal, but rounded otherwise, and results keep their bits.
-        now = target * (1.0 - over_sample) + now * over_sample;
+/// A first-order lag (at once, without one) under commands held over a sample. Exact: between samples the response is an exponential.
+#[derive(Clone, Copy)]
+struct Lag {
+    rad_s: f64,
+    period_s: f64,
+    /// What is left of a difference after a sample.
+    over_sample: f64,
+}
+
+/// A lag's response to commands.
+struct Lagged {
+    lag: Lag,
+    commanded: Vec<f64>,
+    at_samples: Vec<f64>,
+}
+
+impl Lag {
+    fn new(rad_s: Option<f64>, period_s: f64) -> Self {
+        // At once: an exponential that has died out within any part of a sample.
+        let rad_s = rad_s.unwrap_or(1e6 / period_s);
+        Self { rad_s, period_s, over_sample: RotorLag::new(rad_s).decay(period_s) }
     }
-    if delay == 0.0 {
-        let weight = (1.0 - over_sample) / (lag * period_s);
-        let mean_of = |(now, target): (&f64, &f64)| target + (now - target) * weight;
-        let steps = commanded.len().saturating_sub(1);
-        let mean_rad_s = at_samples.iter().zip(commanded).take(steps).map(mean_of).collect();
-        return RotorTrack { speed_rad_s: at_samples, mean_rad_s };
+
+    fn decay(self, time_s: f64) -> f64 {
+        RotorLag::new(self.rad_s).decay(time_s)
     }
-    let whole = delay.floor();
-    // The sample before the moment asked for, and the time from it to that moment.
-    let (back, part_s) = if delay == whole {
-        (whole as isize, 0.0)
-    } else {
-        (whole as isize + 1, (1.0 - delay + whole) * period_s)
-    };
-    let last = commanded.len() as isize - 1;
-    let clamped = |k: isize| k.clamp(0, last) as usize;
-    let part_decay = decay(part_s);
-    let speed_rad_s = (0..=last)
-        .map(|k| {
-            let from = clamped(k - back);
-            decayed(at_samples[from], commanded[from], part_decay)
-        })
-        .collect();
-    // From the moment to the next sample under one command, then as long under the next one as
-    // makes a period.
-    let (first_s, first_weight, second_weight) =
-        (period_s - part_s, (part_decay - over_sample) / lag, (1.0 - part_decay) / lag);
-    let mean_rad_s = (0..last)
-        .map(|k| {
-            let (a, b) = (clamped(k - back), clamped(k - back + 1));
-            let first = commanded[a] * first_s + (at_samples[a] - commanded[a]) * first_weight;
-            let second = commanded[b] * part_s + (at_samples[b] - commanded[b]) * second_weight;
-            (first + second) / period_s
-        })
-        .collect();
-    RotorTrack { speed_rad_s, mean_rad_s }
+
+    /// Responses to signals of one length. Side by side: each value waits for the one before it, but not for the other signals.
+    fn lagged<const N: usize>(self, commanded: [Vec<f64>; N]) -> [Lagged; N] {
+        let samples = commanded.first().map_or(0, Vec::len);
+        let mut now = commanded.each_ref().map(|signal| signal.first().copied().unwrap_or(0.0));
+        let mut all: [Vec<f64>; N] = std::array::from_fn(|_| Vec::with_capacity(samples));
+        for k in 0..samples {
+            for ((at_samples, now), commanded) in all.iter_mut().zip(&mut now).zip(&commanded) {
+                at_samples.push(*now);
+                // `decayed` as a weighted mean: equal, but rounded otherwise, and results keep their bits.
+                *now = commanded[k] * (1.0 - self.over_sample) + *now * self.over_sample;
+            }
+        }
+        let mut all = all.into_iter();
+        commanded.map(|commanded| Lagged { lag: self, commanded, at_samples: all.next().unwrap_or_default() })
+    }
+}
+
+impl Lagged {
+    /// The speeds `delay` samples late.
+    fn late(self, delay: f64) -> RotorTrack {
+        let Self { lag, commanded, at_samples } = self;
+        let Lag { rad_s, period_s, over_sample } = lag;
+        if delay == 0.0 {
+            let weight = (1.0 - over_sample) / (rad_s * period_s);
+            let mean_of = |(now, target): (&f64, &f64)| target + (now - target) * weight;
+            let steps = commanded.len().saturating_sub(1);
+            let mean_rad_s = at_samples.iter().zip(&commanded).take(steps).map(mean_of).collect();
+            return RotorTrack { speed_rad_s: at_samples, mean_rad_s };
+        }
+        let whole = delay.floor();
+        // The sample before the moment asked for, and the time from it to that moment.
+        let (back, part_s) = if delay == whole {
+            (whole as isize, 0.0)
+        } else {
+            (whole as isize + 1, (1.0 - delay + whole) * period_s)
+        };
+        let last = commanded.len() as isize - 1;
+        let clamped = |k: isize| k.clamp(0, last) as usize;
+        let part_decay = lag.decay(part_s);
+        let speed_rad_s = (0..=last)
+            .map(|k| {
+                let from = clamped(k - back);
+                decayed(at_samples[from], commanded[from], part_decay)
+            })
+            .collect();
+        // From the moment to the next sample under one command, then as long under the next one as
+        // makes a period.
+        let (first_s, first_weight, second_weight) =
+            (period_s - part_s, (part_decay - over_sample) / rad_s, (1.0 - part_decay) / rad_s);
+        let mean_rad_s = (0..last)
+            .map(|k| {
+                let (a, b) = (clamped(k - back), clamped(k - back + 1));
+                let first = commanded[a] * first_s + (at_samples[a] - commanded[a]) * first_weight;
+                let second = commanded[b] * part_s + (at_samples[b] - commanded[b]) * second_weight;
+                (first + second) / period_s
+            })
+            .collect();
+        RotorTrack { speed_rad_s, mean_rad_s }
+    }
 }
 
 /// A signal `delay` samples late (early if negative), along cubic Hermite arcs.
@@ -243,6 +287,12 @@ mod tests {
     use crate::testing::prepared;
 
     const PERIOD_S: f64 = 0.01;
+
+    /// A command through a lag.
+    fn lagged(commanded: &[f64], lag_rad_s: Option<f64>, delay: f64, period_s: f64) -> RotorTrack {
+        let [lagged] = Lag::new(lag_rad_s, period_s).lagged([commanded.to_vec()]);
+        lagged.late(delay)
+    }
 
     /// A command that jumps from 0 to 1 at sample 5 and back at sample 12.
     fn pulse() -> Vec<f64> {

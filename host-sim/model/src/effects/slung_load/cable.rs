@@ -90,34 +90,48 @@ impl SlungLoad {
         period_s: f64,
         gravity_m_s2: f64,
     ) -> Vec<Pendulum> {
+        let [swings] = self.driven_side_by_side([(places_m, beginning)], period_s, gravity_m_s2);
+        swings
+    }
+
+    /// The same under several ways: each place of a load waits for the one before it, but not for the other ways.
+    pub fn driven_side_by_side<const N: usize>(
+        &self,
+        ways: [(&[Vector3<f64>], [f64; 4]); N],
+        period_s: f64,
+        gravity_m_s2: f64,
+    ) -> [Vec<Pendulum>; N] {
         let (h, length) = (period_s, self.length_m());
         let phase = self.stiffness_rad2_s2(gravity_m_s2).sqrt() * h;
         let fall = Vector3::new(0.0, 0.0, 2.0 * (1.0 - phase.cos()) * length);
         let damping = 0.5 * self.damping_per_s(gravity_m_s2) * h;
-        let [north, north_m_s, east, east_m_s] = beginning;
-        // The cable before and now; the craft went on as it goes on over a twentieth of a second.
-        let mut before = self.hanging_at(north - h * north_m_s, east - h * east_m_s);
-        let mut now = self.hanging_at(north, east);
-        let reach = ((0.05 / h).round() as usize).clamp(1, places_m.len().saturating_sub(1).max(1));
-        let mut way = places_m.get(reach).map_or_else(Vector3::zeros, |p| (p - places_m[0]) / reach as f64);
-        let mut cables = Vec::with_capacity(places_m.len());
-        for k in 0..places_m.len() {
-            cables.push(now);
-            let Some(next_place) = places_m.get(k + 1) else { break };
-            let next_way = next_place - places_m[k];
-            // The load less the craft's next place, if the cable let it go.
-            let pushed = (now - before) * (1.0 - damping) + way - next_way + fall;
-            let free = now + pushed / (1.0 + damping);
-            let next = on_cable(free, now, length);
-            (before, now, way) = (now, next, next_way);
+        let mut swinging =
+            ways.map(|(places_m, [north, north_m_s, east, east_m_s])| {
+                // The cable before and now; the craft went on as it goes on over a twentieth of a second.
+                let reach = ((0.05 / h).round() as usize).clamp(1, places_m.len().saturating_sub(1).max(1));
+                Swinging {
+                    places_m,
+                    before: self.hanging_at(north - h * north_m_s, east - h * east_m_s),
+                    now: self.hanging_at(north, east),
+                    way: places_m
+                        .get(reach)
+                        .map_or_else(Vector3::zeros, |p| (p - places_m[0]) / reach as f64),
+                    cables: Vec::with_capacity(places_m.len()),
+                }
+            });
+        let samples = ways.iter().map(|(places_m, _)| places_m.len()).max().unwrap_or(0);
+        for k in 0..samples {
+            swinging.iter_mut().for_each(|one| one.step(k, (length, damping, &fall)));
         }
-        let turning = |k: usize| {
-            let (from, to) = (k.saturating_sub(1), (k + 1).min(cables.len() - 1));
-            let rate = (cables[to] - cables[from]) / ((to - from).max(1) as f64 * h);
-            cables[k].cross(&rate) / (length * length)
-        };
-        let hanging = |k: usize| Pendulum { direction: cables[k] / length, turning_rad_s: turning(k) };
-        (0..cables.len()).map(hanging).collect()
+        swinging.map(|Swinging { cables, .. }| {
+            let turning = |k: usize| {
+                let (from, to) = (k.saturating_sub(1), (k + 1).min(cables.len() - 1));
+                let rate = (cables[to] - cables[from]) / ((to - from).max(1) as f64 * h);
+                cables[k].cross(&rate) / (length * length)
+            };
+            let hanging = |k: usize| Pendulum { direction: cables[k] / length, turning_rad_s: turning(k) };
+            (0..cables.len()).map(hanging).collect()
+        })
     }
 
     /// The cable to a load that hangs so far north and east of the craft, m.
@@ -146,6 +160,36 @@ impl SlungLoad {
         })
         .take(samples)
         .collect()
+    }
+}
+
+/// A load on its way under a craft.
+struct Swinging<'a> {
+    places_m: &'a [Vector3<f64>],
+    /// From the craft to the load, a sample before, m.
+    before: Vector3<f64>,
+    now: Vector3<f64>,
+    /// Of the craft in the last sample, m.
+    way: Vector3<f64>,
+    /// The cable at each sample until now.
+    cables: Vec<Vector3<f64>>,
+}
+
+impl Swinging<'_> {
+    /// From a sample to the next, if the way goes on so far.
+    #[inline]
+    fn step(&mut self, k: usize, (length, damping, fall): (f64, f64, &Vector3<f64>)) {
+        if k >= self.places_m.len() {
+            return;
+        }
+        self.cables.push(self.now);
+        let Some(next_place) = self.places_m.get(k + 1) else { return };
+        let next_way = next_place - self.places_m[k];
+        // The load less the craft's next place, if the cable let it go.
+        let pushed = (self.now - self.before) * (1.0 - damping) + self.way - next_way + fall;
+        let free = self.now + pushed / (1.0 + damping);
+        let next = on_cable(free, self.now, length);
+        (self.before, self.now, self.way) = (self.now, next, next_way);
     }
 }
 
