@@ -13,7 +13,7 @@ use crate::unidentified::recorded;
 use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
-use crate::workflow::identify::{Rotation, fit_basic, warn_of_clocks};
+use crate::workflow::identify::{Rotation, fit_basic, tell_scatter, warn_of_clocks};
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Diagnosis, Options, Verdict};
@@ -142,6 +142,7 @@ fn go_through(
     if sets.has_weather() {
         basic = fit_basic(vehicle, sets, rotation, observer)?.model;
     }
+    tell_scatter(&mut basic, sets);
     let basic_comparison = sysid::compare(&basic, &sets.validate());
     let (steps, last_diagnosis) = add_what_is_found(&basic, diagnosis, sets, options, observer)?;
     let model = steps.last().map_or(&basic, |step| &step.model).clone();

@@ -37,7 +37,10 @@ pub fn identify(
     sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
     let identified = fit_basic(vehicle, sets, Rotation::Mended(&Options::default()), observer)?;
     warn_of_clocks(sets, observer);
-    let (model, refinement) = refine(identified.model, sets, rows, observer)?;
+    let (mut model, refinement) = refine(identified.model, sets, rows, observer)?;
+    if refinement.is_none() {
+        tell_scatter(&mut model, sets);
+    }
     Ok(Identified { model, refinement, ..identified })
 }
 
@@ -50,7 +53,15 @@ pub(crate) enum Rotation<'a> {
     Refused,
 }
 
-/// Fits the basic model, without rotation where that is refused.
+/// Adds to the record of a model how far its flights scatter about it.
+pub(crate) fn tell_scatter(model: &mut Model, sets: &FlightSets) {
+    let scatter = sets.scatter(model);
+    if let Some(fit) = &mut model.fit {
+        fit.scatter = scatter;
+    }
+}
+
+/// Fits the basic model, without rotation where that is refused. Its record is without the scatter between the flights.
 pub(crate) fn fit_basic(
     vehicle: &Vehicle,
     sets: &mut FlightSets,
@@ -73,7 +84,7 @@ pub(crate) fn fit_basic(
     }
     let mut model = fit.model;
     sets.align_held_out(&model);
-    model.fit = Some(sets.record(&model, rotation_refused));
+    model.fit = Some(sets.record_without_scatter(&model, rotation_refused));
     let motors = sysid::motors_of_flights(&model, &sets.train());
     warn(&model, &motors, observer);
     sets.add_faults_of_fit(&model);

@@ -1,6 +1,6 @@
 //! What a model file says of its fit.
 
-use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model};
+use model::{Axis, AxisError, ChangeScatter, FitRecord, FlightRecord, FlightRole, Model};
 use sysid::{Prepared, Residuals};
 
 use crate::change_scatter::scatter;
@@ -12,6 +12,17 @@ impl FlightSets {
     /// The flights behind a model, its errors on both sets, and what of it they do not determine. `rotation_refused` says why it
     /// has no rotation.
     pub(crate) fn record(&self, model: &Model, rotation_refused: Vec<String>) -> FitRecord {
+        FitRecord { scatter: self.scatter(model), ..self.record_without_scatter(model, rotation_refused) }
+    }
+
+    /// How far each change's estimate scatters between the flights: as much work as many fits, of which only the last model needs it.
+    pub(crate) fn scatter(&self, model: &Model) -> Vec<ChangeScatter> {
+        let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
+        scatter(model, &all)
+    }
+
+    /// The record of a model that will be refined.
+    pub(crate) fn record_without_scatter(&self, model: &Model, rotation_refused: Vec<String>) -> FitRecord {
         let mut flights = entries(self.training.loaded(), FlightRole::Train);
         flights.extend(entries(self.held_out.loaded(), FlightRole::Validate));
         let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
@@ -23,7 +34,6 @@ impl FlightSets {
             flights,
             train: sysid::errors(&fitted),
             held_out: sysid::errors(&held_out),
-            scatter: scatter(model, &all),
             flown_speed_m_s: flown_speed_m_s(&train),
             balance: sysid::fit::balance::record(
                 model,

@@ -54,18 +54,22 @@ enum Against {
 /// Mean open-loop errors at each horizon from 1 to [`LONGEST_HORIZON`] samples, against the samples as logged: what
 /// preparation took for an outlier counts, or a score would depend on what is left out.
 pub fn open_loop(model: &Model, flights: &[&Prepared]) -> Vec<HorizonError> {
-    open_loop_with(model, flights, true, Against::Logged)
+    open_loop_with(model, flights, true, Against::Logged, 1)
 }
 
 /// The same against the samples without their outliers; nothing where there are none.
 pub(crate) fn open_loop_of_cleaned(model: &Model, flights: &[&Prepared]) -> Option<Vec<HorizonError>> {
     let cleaned = flights.iter().flat_map(|flight| &flight.stretches).any(|s| !s.outliers.is_empty());
-    cleaned.then(|| open_loop_with(model, flights, true, Against::Cleaned))
+    cleaned.then(|| open_loop_with(model, flights, true, Against::Cleaned, 1))
 }
 
-/// The same without the trim that training flights have: as if they had not been flown before.
-pub(crate) fn open_loop_without_trim(model: &Model, flights: &[&Prepared]) -> Vec<HorizonError> {
-    open_loop_with(model, flights, false, Against::Logged)
+/// The same without the trim that training flights have, as if they had not been flown before, and from every `every`th sample only.
+pub(crate) fn open_loop_without_trim(
+    model: &Model,
+    flights: &[&Prepared],
+    every: usize,
+) -> Vec<HorizonError> {
+    open_loop_with(model, flights, false, Against::Logged, every)
 }
 
 fn open_loop_with(
@@ -73,6 +77,7 @@ fn open_loop_with(
     flights: &[&Prepared],
     with_trim: bool,
     against: Against,
+    every: usize,
 ) -> Vec<HorizonError> {
     let plant = Plant::new(model);
     let mut sums = vec![HorizonError::default(); LONGEST_HORIZON];
@@ -81,7 +86,7 @@ fn open_loop_with(
         for stretch in &flight.stretches {
             let trim = flight.trim.as_ref().filter(|_| with_trim).map_or([0.0; 6], |trim| trim.value);
             let stretch = (stretch, against);
-            starts += add_rollouts(&plant, model, flight, stretch, &trim, &mut sums);
+            starts += add_rollouts(&plant, model, flight, stretch, &trim, (every, &mut sums));
         }
     }
     let n = starts.max(1) as f64;
@@ -101,7 +106,7 @@ fn add_rollouts(
     flight: &Prepared,
     (stretch, against): (&Stretch, Against),
     trim: &[f64; 6],
-    sums: &mut [HorizonError],
+    (every, sums): (usize, &mut [HorizonError]),
 ) -> u64 {
     let states = reference_states(model, flight, stretch);
     let mut judges = states.clone();
@@ -113,7 +118,8 @@ fn add_rollouts(
     let track = Track::of(model, flight, stretch, &states, &rotor_mean_rad_s);
     let has_users = model.effects().iter().any(|effect| matches!(effect, Effect::User(_)));
     let mut starts = 0;
-    for start in flight.margin..(states.len() - flight.margin).saturating_sub(sums.len()) {
+    let all = flight.margin..(states.len() - flight.margin).saturating_sub(sums.len());
+    for start in all.step_by(every.max(1)) {
         // A user's formula may have no value where a prediction strays to.
         let mut finite = true;
         if has_users {
@@ -418,7 +424,7 @@ mod tests {
         flight.trim = Some(Trim { value: [0.4, 0.0, 0.0, 0.0, 0.0, 0.0], std_error: [0.1; 6] });
         let pushed = open_loop(&model, &[&flight])[9];
         assert!((pushed.velocity_m_s - 0.04).abs() < 0.005, "{pushed:?}");
-        assert_eq!(open_loop_without_trim(&model, &[&flight]), without);
+        assert_eq!(open_loop_without_trim(&model, &[&flight], 1), without);
     }
 
     /// One sample of the rate about z is off by 30 rad/s: it counts at each horizon that ends there, once.

@@ -13,6 +13,8 @@ use crate::prepare::Prepared;
 /// Training flights from which on they decide whether constants of single flights are estimated
 /// along.
 const FEWEST_TO_DECIDE: usize = 6;
+/// Predictions that a half is judged by start at every so many samples: a tenth of their length, over which they say much the same.
+const JUDGED_EVERY: usize = 5;
 /// A quantity of held-out flights may grow by this much while the others fall, percent.
 const TOLERATED_PERCENT: f64 = 1.0;
 
@@ -28,8 +30,8 @@ pub(super) fn constants(model: &Model, train: &[&Prepared], rows: Rows) -> Resul
     let mut ratio = 0.0;
     for (fitted, judge) in [(&halves[0], &halves[1]), (&halves[1], &halves[0])] {
         let error = |constants| -> Result<HorizonError, RefineError> {
-            let (refined, _) = Problem::new(model, fitted, rows, constants)?.descend()?;
-            Ok(sum_of_horizons(&open_loop_without_trim(&refined, judge)))
+            let refined = Problem::new(model, fitted, rows, constants)?.descend_roughly()?;
+            Ok(sum_of_horizons(&open_loop_without_trim(&refined, judge, JUDGED_EVERY)))
         };
         let (left, estimated) = (error(Constants::Left)?, error(Constants::Estimated)?);
         let quantities: [fn(&HorizonError) -> f64; 4] =

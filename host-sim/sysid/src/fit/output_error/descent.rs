@@ -11,6 +11,15 @@ use crate::fit::quadratic::{Block, Quadratic, add_at, add_square_at, damped_step
 const MAX_STEPS: usize = 25;
 /// Relative fall of the loss under which the last step was the last.
 const CONVERGED: f64 = 1e-5;
+/// The same where only the better of two ways is wanted.
+const ROUGHLY_CONVERGED: f64 = 1e-3;
+
+/// The end of a descent: coefficients and the flights' constants.
+struct End {
+    values: Vec<f64>,
+    trims: Vec<[f64; 6]>,
+    steps: usize,
+}
 
 impl Problem<'_> {
     /// Jackknife over blocks of time, over whole flights where their constants are left in the
@@ -38,6 +47,25 @@ impl Problem<'_> {
 
     /// The model at the end of the descent, with standard errors.
     pub(super) fn descend(&self) -> Result<(Model, usize), RefineError> {
+        let End { values, trims, steps } = self.descend_to(CONVERGED)?;
+        let covariance = self.covariance(&self.quadratic(&values, &trims))?;
+        let mut model = self.with(&values);
+        let first = |effect| -> usize {
+            model.terms.iter().take_while(|t| t.effect != effect).map(|t| t.coefficients.len()).sum()
+        };
+        let places: Vec<usize> = self.free.iter().map(|free| first(free.effect) + free.index).collect();
+        let own = covariance.view_range(..places.len(), ..places.len()).into_owned();
+        model.set_covariance(&places, &own);
+        Ok((model, steps))
+    }
+
+    /// The model near the end of the descent, without errors.
+    pub(super) fn descend_roughly(&self) -> Result<Model, RefineError> {
+        Ok(self.with(&self.descend_to(ROUGHLY_CONVERGED)?.values))
+    }
+
+    /// Descends until the loss falls by less than a part of itself.
+    fn descend_to(&self, converged: f64) -> Result<End, RefineError> {
         let mut values = self.values();
         let mut trims = self.trims.clone();
         let mut damping = 1e-3;
@@ -58,10 +86,10 @@ impl Problem<'_> {
                 let fall = 1.0 - loss / at.loss;
                 (values, trims) = (tried, tried_trims);
                 damping = (0.2 * damping).max(1e-9);
-                at = self.quadratic(&values, &trims);
-                if fall < CONVERGED {
+                if fall < converged {
                     break;
                 }
+                at = self.quadratic(&values, &trims);
             } else {
                 damping *= 10.0;
                 if damping > 1e6 {
@@ -69,15 +97,7 @@ impl Problem<'_> {
                 }
             }
         }
-        let covariance = self.covariance(&at)?;
-        let mut model = self.with(&values);
-        let first = |effect| -> usize {
-            model.terms.iter().take_while(|t| t.effect != effect).map(|t| t.coefficients.len()).sum()
-        };
-        let places: Vec<usize> = self.free.iter().map(|free| first(free.effect) + free.index).collect();
-        let own = covariance.view_range(..places.len(), ..places.len()).into_owned();
-        model.set_covariance(&places, &own);
-        Ok((model, steps))
+        Ok(End { values, trims, steps })
     }
 }
 
