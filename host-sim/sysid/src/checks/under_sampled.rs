@@ -18,6 +18,7 @@ use model::{Adjustments, Vehicle};
 use nalgebra::{DMatrix, DVector, Vector3};
 use report::number::fixed;
 
+use crate::filter::sum_of_products;
 use crate::prepare::{Prepared, Stretch, vector};
 use crate::statistics::median;
 
@@ -162,10 +163,7 @@ impl Look<'_> {
     /// A signal between samples, filtered, at the rows.
     fn filtered(&self, signal: impl Fn(usize) -> f64) -> Vec<f64> {
         let values: Vec<f64> = (0..self.stretch.time_s.len() - 1).map(signal).collect();
-        let at = |row: usize| {
-            let window = &values[row * self.stride..];
-            self.filter.taps.iter().zip(window).map(|(tap, value)| tap * value).sum()
-        };
+        let at = |row: usize| sum_of_products(&values[row * self.stride..], &self.filter.taps);
         (0..self.rows).map(at).collect()
     }
 
