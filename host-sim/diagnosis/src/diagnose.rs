@@ -20,7 +20,7 @@ use sysid::prepare::Prepared;
 use sysid::{Residuals, residuals};
 
 use crate::conclusion::conclude;
-use crate::criteria::{Left, takes_most};
+use crate::criteria::{ABOVE_NOISE, Left, takes_most};
 use crate::finding::{Diagnosis, Unexplained, supported};
 use crate::held_out::Validated;
 use crate::noise;
@@ -99,11 +99,14 @@ pub(crate) fn found(search: &Search<'_>) -> Result<Found, SearchError> {
 /// What a search finds without some candidates.
 fn found_without(search: &Search<'_>, refused: &[Effect]) -> Result<Found, SearchError> {
     let (train, validate) = (search.train, search.validate);
+    let noise_before = excess(&search.base, validate);
     let mut chosen = search.choose_without(refused)?;
+    let with = chosen.validated.as_ref().unwrap_or(&search.base);
+    let left = excess(with, validate).map(|ratio| ratio.is_some_and(|ratio| ratio > ABOVE_NOISE));
+    chosen = search.with_hidden(chosen, &left, refused)?;
     let members = supported(&chosen.findings);
     let confounded = confounded(search, &chosen)?;
     search.observer.progress(Progress { activity: "testing what is left", steps: None });
-    let noise_before = excess(&search.base, validate);
     let mut stand_ins = Vec::new();
     let (unexplained, answers_late) = loop {
         let rest = chosen.validated.as_ref().unwrap_or(&search.base);

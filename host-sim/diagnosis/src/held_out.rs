@@ -40,6 +40,18 @@ pub(crate) fn examine(
     without: &Validated,
     with: &Validated,
     effect: Effect,
+    flights: (&[&Prepared], &[&Prepared]),
+    candidates: usize,
+) -> EffectFinding {
+    examine_along(judged_axes(effect, &with.fit.model), without, with, effect, flights, candidates)
+}
+
+/// The same on some of the axes that the effect acts on, the first ones.
+pub(crate) fn examine_along(
+    axes: &[Axis],
+    without: &Validated,
+    with: &Validated,
+    effect: Effect,
     (train, validate): (&[&Prepared], &[&Prepared]),
     candidates: usize,
 ) -> EffectFinding {
@@ -54,8 +66,7 @@ pub(crate) fn examine(
         .collect();
     finding.swings = swings(&with.fit.model, effect, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
-    let judged = (judged_axes(effect, &with.fit.model), &with.fit.sigma);
-    take_gain(&mut finding, judged, validate, (&without.held_out, &with.held_out));
+    take_gain(&mut finding, (axes, &with.fit.sigma), validate, (&without.held_out, &with.held_out));
     (finding.supported, finding.reason) = weigh(&Evidence::missing(&finding, &with.fit.model));
     finding
 }

@@ -20,6 +20,7 @@ pub mod evidence;
 mod figures;
 mod finding;
 mod held_out;
+mod hidden;
 mod mending;
 mod noise;
 mod not_logged;

@@ -40,15 +40,17 @@ impl Options {
 
     /// What could be missing from a model, by these flights. A dead time cannot be told from what interpolation does to a log, nor how
     /// rotors speed up from what was commanded between the rows of a slow one; of a slower one, nothing that shows in accelerations. Nor can
-    /// what shows in columns that were not logged, or what a wind that wanders looks like.
+    /// what shows in columns that were not logged, what a wind that wanders looks like, or a wind of all flights where each has its own.
     pub(crate) fn candidates_by(&self, model: &Model, flights: &[&Prepared]) -> Vec<Effect> {
         let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
         let interpolated = flights.iter().any(|flight| flight.is_interpolated);
+        let has_own_winds = flights.iter().any(|flight| flight.has_own_wind());
         let is_told = |effect: &Effect| {
             !(interpolated && *effect == Effect::InputDelay
                 || period_s > SLOW_S && shows_in(effect, "rotor_acceleration")
                 || period_s > SLOWER_S && shows_in(effect, "acceleration")
                 || not_logged::hide(flights, *effect)
+                || has_own_winds && *effect == Effect::SteadyWind
                 || wander::looks_like(flights, model, *effect))
         };
         self.candidates(model).into_iter().filter(is_told).collect()

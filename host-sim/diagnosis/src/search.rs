@@ -42,7 +42,7 @@ const ROUNDS: usize = 2;
 const SEARCHES: usize = 2;
 
 /// Whether an effect that is not there has such coefficients by itself once in twenty times.
-fn differs_by_chance(fit: &Fit, effect: Effect, train: &[&Prepared]) -> bool {
+pub(crate) fn differs_by_chance(fit: &Fit, effect: Effect, train: &[&Prepared]) -> bool {
     effect_p_value(fit, effect, train) > BY_CHANCE
 }
 
@@ -57,14 +57,14 @@ pub(crate) struct Chosen {
 type Rest = (Vec<Effect>, Validated);
 
 /// A set's held-out score, its members, and the model with them.
-type Scored = (f64, Vec<Effect>, Validated);
+pub(crate) type Scored = (f64, Vec<Effect>, Validated);
 
 /// The candidates for what a model lacks, and the flights to tell by.
 pub(crate) struct Search<'a> {
     pub(crate) base: Validated,
     pub(crate) screen: Screen,
     /// Candidates that are fitted exactly: where the fit is a search over shapes, and users' effects.
-    searched: Vec<Effect>,
+    pub(crate) searched: Vec<Effect>,
     /// The base model with each of them by itself, once somebody asks.
     alone: OnceCell<Vec<Result<Validated, FitError>>>,
     pub(crate) train: &'a [&'a Prepared],
@@ -106,7 +106,7 @@ impl<'a> Search<'a> {
                 let mut alone = Vec::new();
                 for effect in &self.searched {
                     steps.next(&format!("trying {effect}"))?;
-                    alone.push(self.by_itself(*effect));
+                    alone.push(self.more(&self.base, &[*effect]));
                 }
                 self.alone.get_or_init(|| alone)
             }
@@ -114,11 +114,10 @@ impl<'a> Search<'a> {
         Ok(self.searched.iter().copied().zip(alone))
     }
 
-    /// The base model with one effect more.
-    fn by_itself(&self, effect: Effect) -> Result<Validated, FitError> {
-        let model = &self.base.fit.model;
-        let mut effects = model.effects();
-        effects.push(effect);
+    /// A model with more effects, of which nothing is known.
+    pub(crate) fn more(&self, from: &Validated, members: &[Effect]) -> Result<Validated, FitError> {
+        let model = &from.fit.model;
+        let effects = [model.effects().as_slice(), members].concat();
         let fit = fit_if(self.train, &model.vehicle, &effects, Some(model), Demand::Promising)?;
         validated(fit, self.validate)
     }
@@ -318,7 +317,7 @@ impl<'a> Search<'a> {
     }
 
     /// Weighs each member with the others in place; those that are not supported leave, the weakest first.
-    fn prune(
+    pub(crate) fn prune(
         &self,
         mut set: Vec<Effect>,
         mut with: Option<Validated>,

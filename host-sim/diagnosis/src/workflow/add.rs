@@ -4,6 +4,8 @@ use model::{Effect, HistoryEntry, Model};
 use sysid::RefinementOutcome;
 use sysid::fit::output_error::Rows;
 
+use crate::addition::add_to;
+use crate::held_out::fit_and_validate;
 use crate::observer::{Observer, Progress};
 use crate::workflow::error::WorkflowError;
 use crate::workflow::refinement::refine;
@@ -50,8 +52,7 @@ pub(crate) fn join(
     let mut with = model.clone();
     with.set(effect, &vec![0.0; effect.info().coefficients.len()]);
     sets.trim(&with);
-    let addition =
-        crate::add(model, effect, &sets.train(), &sets.validate(), options).map_err(|why| sets.blame(why))?;
+    let addition = added(model, effect, sets, options)?;
     let mut better = addition.fit.model.clone();
     let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
     better.fit = Some(sets.record(&better, rotation_refused));
@@ -63,6 +64,28 @@ pub(crate) fn join(
         sse_after: addition.after,
     });
     Ok((better, addition))
+}
+
+/// The model with `effect`, held against the model without it: each in the winds that belong to it.
+fn added(
+    model: &Model,
+    effect: Effect,
+    sets: &mut FlightSets,
+    options: &Options,
+) -> Result<Addition, WorkflowError> {
+    if sets.revealed_as(effect).is_none() {
+        sets.conceal();
+    }
+    let base = sets.concealed(|sets| {
+        let base = fit_and_validate(model, &model.effects(), &sets.train(), &sets.validate());
+        base.map_err(|why| sets.blame(why))
+    })?;
+    let flights = (&sets.train()[..], &sets.validate()[..]);
+    let mut addition = add_to(&base, effect, None, flights, options).map_err(|why| sets.blame(why))?;
+    if let Some(finding) = sets.revealed_as(effect) {
+        addition.finding = finding.clone();
+    }
+    Ok(addition)
 }
 
 #[cfg(test)]

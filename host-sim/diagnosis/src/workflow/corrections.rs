@@ -2,7 +2,6 @@
 //! between their clocks, their trim and their wind.
 
 use model::{Effect, Model, Vehicle};
-use nalgebra::Vector3;
 use report::number::fixed;
 use sysid::checks::vehicle::Likeness;
 use sysid::fit::{gusts, weather};
@@ -49,10 +48,20 @@ impl FlightSets {
         sysid::fit::trim::estimate(&mut prepared(&mut self.training.0), model);
     }
 
-    /// Whether the flights have winds of their own.
+    /// Finds the training flights' trim and the winds of all of them anew, about a model that an effect did not join in the end.
+    pub(crate) fn go_back_to(&mut self, model: &Model) {
+        self.trim(model);
+        let _ = self.follow_weather(model);
+    }
+
+    /// Whether the flights have winds of their own, constant or wandering.
     pub(crate) fn has_weather(&self) -> bool {
-        let has = |flight: &Prepared| flight.wind_ned_m_s != Vector3::zeros() || flight.has_gusts();
-        self.all().any(|flight| has(&flight.prepared))
+        self.has_own_winds() || self.all().any(|flight| flight.prepared.has_gusts())
+    }
+
+    /// Whether each of the flights has a constant wind of its own.
+    pub(crate) fn has_own_winds(&self) -> bool {
+        self.all().any(|flight| flight.prepared.has_own_wind())
     }
 
     /// Gives each flight its own wind about `model`, where they differ: the model fitted again in these winds.
@@ -76,7 +85,23 @@ impl FlightSets {
         Some(about)
     }
 
+    /// Finds the flights' own winds anew about a model that was fitted in them, where they have any: the model fitted in what was found,
+    /// and without any wind of theirs where it explains what they differed by.
+    pub(crate) fn follow_weather(&mut self, model: &Model) -> Option<Model> {
+        if !self.has_own_winds() {
+            return None;
+        }
+        self.revealed = None;
+        if let Some(again) = self.find_weather(model) {
+            self.tell_weather();
+            return Some(again);
+        }
+        self.faults.withdraw(FaultKind::WindBetweenFlights);
+        sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(model)).ok().map(|fit| fit.model)
+    }
+
     pub(crate) fn forget_weather(&mut self) {
+        self.revealed = None;
         weather::clear(&mut self.all_prepared());
     }
 
@@ -89,6 +114,7 @@ impl FlightSets {
         let winds: Vec<String> = self.all().map(of).collect();
         let sentence =
             format!("each has a wind of its own, which is taken into account: in m/s, {}", winds.join(", "));
+        self.faults.withdraw(FaultKind::WindBetweenFlights);
         self.faults.add("flights", Fault::of_all(FaultKind::WindBetweenFlights, Severity::Warning, sentence));
     }
 

@@ -2,12 +2,11 @@
 
 use model::{Axis, Effect, GROUPS, Group, Model, NotIdentified};
 use report::number::fixed;
-use sysid::fit::linearise::squares_left;
-use sysid::{FaultKind, Prepared};
+use sysid::{FaultKind, Prepared, Residuals, errors, residuals};
 
 use crate::conclusion::conclude;
 use crate::criteria::LEFT_BY_OWN_WINDS;
-use crate::finding::{AxisDrop, Unexplained};
+use crate::finding::{EffectFinding, Unexplained};
 use crate::not_logged::not_told;
 use crate::observer::Observer;
 use crate::options::{SLOW_S, SLOWER_S};
@@ -54,18 +53,20 @@ pub(crate) fn search(
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
     sets.follow_gusts(model);
+    if sets.has_own_winds() {
+        return search_in_own_winds(model, sets, options, observer);
+    }
     let found = search_in_one_wind(model, sets, options, observer)?;
     let is_explained = |diagnosis: &Diagnosis| diagnosis.verdicts.translation != Verdict::Unexplained;
     let rival = Rival::of(&found);
     if sets.has_weather() || (is_explained(&found) && rival.is_none()) {
         return Ok(found);
     }
-    let before = sets.validate().iter().map(|flight| squares_left(flight, model)).collect();
     if let Some(windy) = sets.find_weather(model) {
-        let is_less = |rival: &Rival| rival.leaves_more_than(before, &windy, &sets.validate());
+        let is_less = |rival: &Rival| rival.leaves_more_than(&windy, &sets.validate());
         let beats_what_was_found = rival.as_ref().is_some_and(is_less);
         if beats_what_was_found || !is_explained(&found) {
-            let in_own_winds = search_in_one_wind(model, sets, options, observer)?;
+            let in_own_winds = search_in_own_winds(model, sets, options, observer)?;
             if beats_what_was_found || is_explained(&in_own_winds) {
                 sets.tell_weather();
                 return Ok(in_own_winds);
@@ -91,11 +92,33 @@ pub(crate) fn search(
     Ok(found)
 }
 
+/// Diagnoses on flights in winds of their own: in those that they have beside a drag that only they reveal, where that is found.
+fn search_in_own_winds(
+    model: &Model,
+    sets: &mut FlightSets,
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Diagnosis, WorkflowError> {
+    if let Some(fair) = sets.reveal(model, options) {
+        let Diagnosis { mut effects, unexplained, not_identified, .. } =
+            search_in_one_wind(model, sets, options, observer)?;
+        let is_named = |finding: &&mut EffectFinding| finding.supported && finding.effect == fair.effect;
+        if let Some(finding) = effects.iter_mut().find(is_named) {
+            // In the winds beside it, what is left without it says too much for it.
+            *finding = fair;
+            sets.tell_weather();
+            return Ok(conclude(effects, unexplained, not_identified));
+        }
+        sets.conceal();
+    }
+    search_in_one_wind(model, sets, options, observer)
+}
+
 /// What was found of the horizontal forces, and would have to be beaten by a wind of each flight.
 struct Rival {
-    /// The axes along which it acts, of u and v.
+    /// The axes along which the best effect acts, of u and v.
     axes: Vec<Axis>,
-    /// Share of the held-out squared error along them that it leaves.
+    /// Held-out sum of squares along them that all that was found leaves.
     left: f64,
 }
 
@@ -105,16 +128,15 @@ impl Rival {
         let finding = diagnosis.effects.iter().find(|finding| finding.effect == best)?;
         let along = |axis: &Axis| finding.axes.get(axis.name());
         let axes: Vec<Axis> = [Axis::U, Axis::V].into_iter().filter(|axis| along(axis).is_some()).collect();
-        let sum = |of: fn(&AxisDrop) -> f64| axes.iter().filter_map(along).map(of).sum::<f64>();
-        let (before, after) = (sum(|drop| drop.sse_before), sum(|drop| drop.sse_after));
-        (before > 0.0).then_some(Self { left: after / before, axes })
+        let left = axes.iter().filter_map(along).map(|drop| drop.sse_after).sum();
+        (!axes.is_empty()).then_some(Self { axes, left })
     }
 
-    /// Whether winds of the flights' own leave far less; `before` are the squares of each flight without them.
-    fn leaves_more_than(&self, before: Vec<[f64; 6]>, windy: &Model, flights: &[&Prepared]) -> bool {
-        let along = |squares: &[f64; 6]| self.axes.iter().map(|axis| squares[axis.index()]).sum::<f64>();
-        let after = flights.iter().map(|flight| along(&squares_left(flight, windy))).sum::<f64>();
-        after < LEFT_BY_OWN_WINDS * self.left * before.iter().map(along).sum::<f64>()
+    /// Whether winds of the flights' own leave far less.
+    fn leaves_more_than(&self, windy: &Model, flights: &[&Prepared]) -> bool {
+        let left: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, windy)).collect();
+        let errors = errors(&left);
+        self.axes.iter().map(|axis| errors[*axis].sse).sum::<f64>() < LEFT_BY_OWN_WINDS * self.left
     }
 }
 

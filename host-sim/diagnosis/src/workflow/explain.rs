@@ -139,11 +139,14 @@ fn go_through(
 ) -> Result<Explanation, WorkflowError> {
     let mut basic = fit_basic(vehicle, sets, rotation, observer)?.model;
     let diagnosis = search(&basic, sets, options, observer)?;
-    if sets.has_weather() {
-        basic = fit_basic(vehicle, sets, rotation, observer)?.model;
-    }
-    tell_scatter(&mut basic, sets);
-    let basic_comparison = sysid::compare(&basic, &sets.validate());
+    let (basic, basic_comparison) = sets.concealed(|sets| {
+        if sets.has_weather() {
+            basic = fit_basic(vehicle, sets, rotation, observer)?.model;
+        }
+        tell_scatter(&mut basic, sets);
+        let comparison = sysid::compare(&basic, &sets.validate());
+        Ok((basic, comparison))
+    })?;
     let (steps, last_diagnosis) = add_what_is_found(&basic, diagnosis, sets, options, observer)?;
     let model = steps.last().map_or(&basic, |step| &step.model).clone();
     Ok(Explanation { basic, basic_comparison, steps, last_diagnosis, model, refinement: None })
@@ -161,21 +164,20 @@ pub(crate) fn add_what_is_found(
     while let Some(effect) = diagnosis.best() {
         let model = steps.last().map_or(basic, |step| &step.model).clone();
         match join_and_search(&model, effect, sets, options, observer) {
-            Ok((better, addition, next)) => {
+            Ok((Joined { model: better, addition, comparison }, next)) => {
                 // Nothing joins that makes the model predict worse, whatever it promised beside others.
                 if let Some(why) = makes_worse(&addition.finding) {
-                    sets.trim(&model);
+                    sets.go_back_to(&model);
                     diagnosis = without(&diagnosis, effect, &why, recorded(&model));
                     continue;
                 }
                 sets.judge_clocks(&better, effect);
-                let comparison = sysid::compare(&better, &sets.validate());
                 let before = std::mem::replace(&mut diagnosis, next);
                 steps.push(Step { diagnosis: before, effect, addition, model: better, comparison });
             }
             // What cannot be fitted takes no answer away from the others.
             Err(WorkflowError::Fit { why, .. }) => {
-                sets.trim(&model);
+                sets.go_back_to(&model);
                 diagnosis = without(&diagnosis, effect, &Reason::NotFittedTogether(why), recorded(&model));
             }
             Err(why) => return Err(why),
@@ -191,6 +193,13 @@ fn makes_worse(finding: &EffectFinding) -> Option<Reason> {
     worse.or_else(|| harm(finding))
 }
 
+/// A model that an effect joined.
+struct Joined {
+    model: Model,
+    addition: Addition,
+    comparison: Comparison,
+}
+
 /// Adds an effect to a model and diagnoses the better one.
 fn join_and_search(
     model: &Model,
@@ -198,10 +207,29 @@ fn join_and_search(
     sets: &mut FlightSets,
     options: &Options,
     observer: &dyn Observer,
-) -> Result<(Model, Addition, Diagnosis), WorkflowError> {
-    let (better, addition) = join(model, effect, sets, options, observer)?;
+) -> Result<(Joined, Diagnosis), WorkflowError> {
+    let (mut better, addition) = join(model, effect, sets, options, observer)?;
+    if let Some(again) = sets.follow_weather(&better) {
+        better = fitted_again(&better, again, sets);
+    }
+    let had_weather = sets.has_weather();
     let next = search(&better, sets, options, observer)?;
-    Ok((better, addition, next))
+    let (model, comparison) = sets.concealed(|sets| {
+        if sets.has_weather() && !had_weather {
+            let again = sysid::fit(&sets.train(), &better.vehicle, &better.effects(), Some(&better));
+            better = fitted_again(&better, again.map_err(|why| sets.blame(why))?.model, sets);
+        }
+        let comparison = sysid::compare(&better, &sets.validate());
+        Ok((better, comparison))
+    })?;
+    Ok((Joined { model, addition, comparison }, next))
+}
+
+/// A model as it was fitted again, in other winds.
+fn fitted_again(model: &Model, again: Model, sets: &FlightSets) -> Model {
+    let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
+    let fit = Some(sets.record(&again, rotation_refused));
+    Model { fit, history: model.history.clone(), ..again }
 }
 
 #[cfg(test)]

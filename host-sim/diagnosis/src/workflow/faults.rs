@@ -70,6 +70,11 @@ impl Faults {
         }
     }
 
+    /// Takes back what was said of one kind.
+    pub(crate) fn withdraw(&mut self, kind: FaultKind) {
+        self.listed.retain(|listed| listed.fault.kind != kind);
+    }
+
     /// Takes back that the clocks of `flights` wander: with `effect` in the model they do not.
     pub(crate) fn withdraw_wandering(&mut self, flights: &[String], effect: Effect) {
         let is_settled = |listed: &Listed| {

@@ -23,8 +23,10 @@ mod mends;
 mod own_winds;
 mod record;
 mod refinement;
+mod revealed;
 mod sets;
 mod split;
+mod winds;
 
 pub use crate::observer::{Observer, Progress, Silent};
 pub use add::{Added, add};

@@ -14,6 +14,7 @@ use crate::workflow::loaded::{
     LoadedFlight, Reading, Source, leave_out_undefined, load_all, names, prepared,
 };
 use crate::workflow::split::split;
+use crate::workflow::winds::Revealed;
 
 /// Flights to fit on.
 pub struct TrainingFlights(pub(crate) Vec<LoadedFlight>);
@@ -29,6 +30,8 @@ pub struct FlightSets {
     pub held_out: HeldOutFlights,
     /// What is wrong with them, and with the vehicle file and fits as far as they have come.
     pub faults: Faults,
+    /// What the winds that the flights are in bring to light.
+    pub(crate) revealed: Option<Revealed>,
 }
 
 /// Flights that a model is held against.
@@ -140,7 +143,12 @@ impl FlightSets {
         let mut faults = Faults::default();
         faults.add_of_flights(train.iter().chain(&validate), vehicle, reading)?;
         faults.add_of_sets(&train, &validate, reading)?;
-        Ok(Self { training: TrainingFlights(train), held_out: HeldOutFlights(validate), faults })
+        Ok(Self {
+            training: TrainingFlights(train),
+            held_out: HeldOutFlights(validate),
+            faults,
+            revealed: None,
+        })
     }
 
     /// All flights, those to fit on first.

@@ -8,6 +8,18 @@ use crate::effects::slung_load::cable::SlungLoad;
 use crate::sample::{AtRotor, Constants, Sample, SampleInput};
 use crate::vehicle::{RotorMap, Vehicle};
 
+/// The turn from a tracked attitude to the body's, where a tracker's frame is tilted against the body.
+#[derive(Debug, Clone, Copy)]
+pub struct Untilt(Option<Matrix3<f64>>);
+
+impl Untilt {
+    /// The body's attitude behind a tracked one (both inertial to body).
+    #[inline]
+    pub fn body(&self, tracked: &Matrix3<f64>) -> Matrix3<f64> {
+        self.0.map_or(*tracked, |untilt| untilt * tracked)
+    }
+}
+
 impl Adjustments {
     fn sum(&self, of: impl Fn(&(dyn Adjusting + 'static)) -> f64) -> f64 {
         self.all().into_iter().map(of).sum()
@@ -89,9 +101,9 @@ impl Adjustments {
         self.tilt().map_or(*dcm, |tilt| tilt * dcm)
     }
 
-    /// The body's attitude behind a tracked one (both inertial to body).
-    pub fn true_dcm(&self, measured: &Matrix3<f64>) -> Matrix3<f64> {
-        self.tilt().map_or(*measured, |tilt| tilt.transpose() * measured)
+    /// The turn from tracked attitudes to those of the body, for many of them.
+    pub fn untilt(&self) -> Untilt {
+        Untilt(self.tilt().map(|tilt| tilt.transpose()))
     }
 
     /// Whether a tracker reports the same of a motion under both.

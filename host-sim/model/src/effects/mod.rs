@@ -20,6 +20,7 @@ use crate::memory::LagId;
 use crate::sample::{AtRotor, Sample, SampleInput};
 use crate::user_effects::{self, Definition, User, UserEffect, UserEffectError};
 use adjusting::Adjusting;
+pub use adjustments::Untilt;
 use catalogue::catalogue;
 
 catalogue! {

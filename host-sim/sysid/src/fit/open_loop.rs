@@ -2,7 +2,7 @@
 
 use flights::Column;
 use model::{Effect, Model, Plant, State, frames};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -271,7 +271,7 @@ fn put_outliers_back(states: &mut [State], model: &Model, flight: &Prepared, str
     use Column::*;
     let adjust = model.adjustments();
     let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m();
-    let untilt = adjust.true_dcm(&Matrix3::identity());
+    let untilt = adjust.untilt();
     let mut cleaned: Vec<usize> = stretch.outliers.iter().map(|outlier| outlier.row).collect();
     cleaned.sort_unstable();
     cleaned.dedup();
@@ -290,9 +290,9 @@ fn put_outliers_back(states: &mut [State], model: &Model, flight: &Prepared, str
         let bias = Vector3::from(flight.gyro_bias_rad_s);
         let position = state.position_ned_m + dcm.tr_mul(&lever);
         let velocity = dcm.tr_mul(&(state.velocity_m_s + state.rate_rad_s.cross(&lever)));
-        let tracked = frames::euler_from_dcm(&(untilt.transpose() * dcm));
+        let tracked = frames::euler_from_dcm(&adjust.measured_dcm(&dcm));
         let rate = of([P, Q, R], state.rate_rad_s + bias) - bias;
-        let dcm = adjust.true_dcm(&frames::dcm_from_euler(of([Phi, Theta, Psi], tracked)));
+        let dcm = untilt.body(&frames::dcm_from_euler(of([Phi, Theta, Psi], tracked)));
         *state = State {
             position_ned_m: of([X, Y, Z], position) - dcm.tr_mul(&lever),
             attitude: frames::quaternion_from_euler(frames::euler_from_dcm(&dcm)),
@@ -312,6 +312,7 @@ pub(crate) fn barely_smoothed_states(model: &Model, flight: &Prepared, stretch: 
 
 fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) -> Vec<State> {
     let adjust = model.adjustments();
+    let untilt = adjust.untilt();
     let lever = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m();
     let rotor = stretch.rotors(&model.vehicle, &adjust, flight.period_s, flight.rotor_late_s());
     let at = |parts: &[Vec<f64>; 3], k: usize| Vector3::new(parts[0][k], parts[1][k], parts[2][k]);
@@ -328,7 +329,7 @@ fn states_of(model: &Model, flight: &Prepared, stretch: &Stretch, taps: &[f64]) 
                 None => (stretch.dcm[k], at(&stretch.rate_rad_s, k)),
                 Some([euler, rate]) => (frames::dcm_from_euler(at(euler, k)), at(rate, k)),
             };
-            let dcm = adjust.true_dcm(&tracked);
+            let dcm = untilt.body(&tracked);
             State {
                 position_ned_m: at(&stretch.position_ned_m, k) - dcm.tr_mul(&lever),
                 attitude: frames::quaternion_from_euler(frames::euler_from_dcm(&dcm)),

@@ -87,6 +87,7 @@ impl Prepared {
             }
             return;
         }
+        let untilt = adjust.untilt();
         let lever = Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m();
         let slope = &self.filter.derivative;
         let (tracked, taps) = match self.force_target {
@@ -100,7 +101,7 @@ impl Prepared {
                     ForceTarget::Position => lever,
                     _ => vector(&stretch.rate_rad_s, k).cross(&lever),
                 };
-                subtract(&mut signal, k, adjust.true_dcm(&stretch.dcm[k]).tr_mul(&arm));
+                subtract(&mut signal, k, untilt.body(&stretch.dcm[k]).tr_mul(&arm));
             }
             signal
         });
@@ -110,7 +111,7 @@ impl Prepared {
             let acceleration =
                 Vector3::from(signal.each_ref().map(|s| sum_of_products(&s[k - half..], &taps)));
             let force = acceleration - Vector3::new(0.0, 0.0, vehicle.gravity);
-            let body = adjust.true_dcm(&stretch.dcm[k]) * force;
+            let body = untilt.body(&stretch.dcm[k]) * force;
             targets.iter_mut().zip(body.iter()).for_each(|(target, b)| target.push(*b));
         }
     }

@@ -58,8 +58,8 @@ impl Unloaded {
         let adjust = model.adjustments();
         let (measured, residual) = measured_less_predicted(flight, model, stride);
         let pieces = pieces(flight, stride);
-        let untilt = adjust.tilt().map(|tilt| tilt.transpose());
-        let body = |tracked: &Matrix3<f64>| untilt.map_or(*tracked, |untilt| untilt * tracked);
+        let untilt = adjust.untilt();
+        let body = |tracked: &Matrix3<f64>| untilt.body(tracked);
         let body_dcm: Vec<Vec<Matrix3<f64>>> =
             flight.stretches.iter().map(|stretch| stretch.dcm.iter().map(body).collect()).collect();
         let rows = |piece: &Piece| {

@@ -199,6 +199,11 @@ impl Prepared {
         self.stretches.iter().map(|s| s.time_s.len() - 2 * self.margin).sum()
     }
 
+    /// Whether it has a constant wind of its own.
+    pub fn has_own_wind(&self) -> bool {
+        self.wind_ned_m_s != Vector3::zeros()
+    }
+
     /// Whether it has a wind that wanders.
     pub fn has_gusts(&self) -> bool {
         self.stretches.iter().any(|s| s.gust_ned_m_s.is_some())

@@ -3,7 +3,7 @@
 use std::iter::StepBy;
 use std::ops::Range;
 
-use model::{Adjustments, LagId, Lags, Memory, Pendulum, Plant, SampleInput, Vehicle};
+use model::{Adjustments, LagId, Lags, Memory, Pendulum, Plant, SampleInput, Untilt, Vehicle};
 use nalgebra::{Matrix3, Vector3};
 
 use crate::prepare::prepared::Prepared;
@@ -31,7 +31,7 @@ impl Part {
 pub struct States<'a> {
     stretch: &'a Stretch,
     /// From the tracked attitude to the body's, where they differ.
-    untilt: Option<Matrix3<f64>>,
+    untilt: Untilt,
     lever_m: Vector3<f64>,
     wind_ned_m_s: Vector3<f64>,
     rotor: [RotorTrack; 4],
@@ -51,7 +51,7 @@ impl States<'_> {
     #[inline]
     pub fn dcm(&self, k: usize) -> Matrix3<f64> {
         let tracked = &self.stretch.dcm[k];
-        self.untilt.map_or(*tracked, |untilt| untilt * tracked)
+        self.untilt.body(tracked)
     }
 
     /// How the craft moves at a sample.
@@ -233,7 +233,7 @@ impl Prepared {
     pub fn states<'a>(&self, stretch: &'a Stretch, vehicle: &Vehicle, adjust: &Adjustments) -> States<'a> {
         States {
             stretch,
-            untilt: Some(adjust.true_dcm(&Matrix3::identity())).filter(|m| *m != Matrix3::identity()),
+            untilt: adjust.untilt(),
             lever_m: Vector3::from(vehicle.tracked_point) + adjust.tracked_point_m(),
             wind_ned_m_s: self.wind_ned_m_s,
             rotor: stretch.rotors(vehicle, adjust, self.period_s, self.rotor_late_s()),
