@@ -102,14 +102,6 @@ fn winds_that_differ_between_flights_are_the_flights_own() {
     are_in_winds_of_their_own(&train, &[("NF_nowind", 0.0), ("NF_100wind", -12.1)]);
 }
 
-#[test]
-fn winds_that_differ_between_flights_are_told_with_another_controller_held_out() {
-    let train = [("L1_nowind", 0.0), ("L1_35wind", -4.2), ("L1_70wind", -8.5), ("L1_100wind", -12.1)];
-    let held_out =
-        [("NF_nowind", 0.0), ("NF_35wind", -4.2), ("baseline_70wind", -8.5), ("NF_100wind", -12.1)];
-    are_in_winds_of_their_own(&train, &held_out);
-}
-
 /// 5 g on half a metre of cable, and nothing else, whichever of the four flights is held out: in the slowest, the load hardly swings.
 #[test]
 fn a_load_on_a_cable_is_found_whichever_flight_is_held_out() {
