@@ -101,8 +101,8 @@ fn found_without(search: &Search<'_>, refused: &[Effect]) -> Result<Found, Searc
     let (train, validate) = (search.train, search.validate);
     let noise_before = excess(&search.base, validate);
     let mut chosen = search.choose_without(refused)?;
-    let with = chosen.validated.as_ref().unwrap_or(&search.base);
-    let left = excess(with, validate).map(|ratio| ratio.is_some_and(|ratio| ratio > ABOVE_NOISE));
+    let noise_after = chosen.validated.as_ref().map_or(noise_before, |with| excess(with, validate));
+    let left = noise_after.map(|ratio| ratio.is_some_and(|ratio| ratio > ABOVE_NOISE));
     chosen = search.with_hidden(chosen, &left, refused)?;
     let members = supported(&chosen.findings);
     let confounded = confounded(search, &chosen)?;
