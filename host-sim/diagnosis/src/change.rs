@@ -27,11 +27,6 @@ impl Change {
             .collect()
     }
 
-    /// Effects that it brings to light: they are fitted together with it.
-    pub(crate) fn reveals(self) -> impl Iterator<Item = Effect> {
-        self.effect.info().special.reveals.iter().filter_map(|id| Effect::from_id(id))
-    }
-
     /// Indices of the coefficients it frees.
     pub(crate) fn coefficients(self) -> Vec<usize> {
         match self.motor {

@@ -71,7 +71,7 @@ impl Fitted {
 /// Fits a change to flights, starting from none, on top of `model`: with what it brings to light, where the flights show that.
 pub(crate) fn fit_change(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
     let alone = fit_alone(model, change, flights)?;
-    let revealed: Vec<Effect> = change.reveals().collect();
+    let revealed: Vec<Effect> = change.effect.reveals().collect();
     if revealed.is_empty() || !goes_beyond(model, &alone) {
         return Ok(alone);
     }

@@ -157,6 +157,7 @@ mod tests {
             sha256: String::new(),
             role: model::FlightRole::Train,
             samples: 1,
+            wind_m_s: None,
         };
         model.fit = Some(model::FitRecord {
             scatter: scatter.collect(),

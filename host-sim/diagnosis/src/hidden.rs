@@ -70,9 +70,8 @@ impl Search<'_> {
         let alone = self.searched.iter().copied().filter(is_asked).map(|effect| vec![effect]);
         let asked: Vec<Effect> = self.screen.candidates.iter().copied().filter(is_asked).collect();
         let revealed = |effect: &Effect| {
-            let reveals = effect.info().special.reveals;
             let by = *effect;
-            asked.iter().filter(move |other| reveals.contains(&other.id())).map(move |other| vec![by, *other])
+            by.reveals().filter(|other| asked.contains(other)).map(move |other| vec![by, other])
         };
         alone.chain(asked.iter().flat_map(revealed)).collect()
     }

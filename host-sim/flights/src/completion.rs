@@ -161,9 +161,9 @@ impl Flight {
         angles
     }
 
-    /// From the turn between the neighbours of each row: the rotation that takes one attitude to the other, over the time
-    /// between them.
-    fn rates_of_attitude(&self) -> Vec<Vec<f64>> {
+    /// Body rates, rad/s, from the turn between the neighbours of each row: the rotation that takes one attitude to the other, over the
+    /// time between them.
+    pub fn rates_of_attitude(&self) -> Vec<Vec<f64>> {
         let t = self.required(Column::T);
         let angles = ANGLES.map(|column| self.required(column));
         let attitude =

@@ -43,7 +43,7 @@ pub enum FlightRole {
 }
 
 /// A flight that the fit saw.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FlightRecord {
     /// File name.
@@ -54,6 +54,9 @@ pub struct FlightRecord {
     pub role: FlightRole,
     /// Samples used.
     pub samples: u64,
+    /// Wind of its own, north and east, in m/s, beside which the model was fitted. Absent where the flights were taken to be in one wind.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wind_m_s: Option<[f64; 2]>,
 }
 
 /// The fit that gave the coefficients.

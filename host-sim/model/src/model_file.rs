@@ -348,6 +348,7 @@ mod tests {
                 sha256: "00ff".into(),
                 role: FlightRole::Train,
                 samples: 12,
+                wind_m_s: Some([4.5, -0.25]),
             }],
             train: PerAxis::from_fn(|a| AxisError {
                 sse: 1e-300 * a.index() as f64,

@@ -6,7 +6,7 @@ use std::ops::Range;
 use model::{LagId, Sample, Sink};
 use nalgebra::{DMatrix, DMatrixView, Vector3};
 use sysid::fit::terms::Terms;
-use sysid::fit::times_hats::{EvenHats, QuantitySignal, TermSignals};
+use sysid::fit::times_hats::{EvenHats, QuantitySignal, SomeRows, TermSignals};
 
 use crate::discovery::against::Against;
 use crate::discovery::center::Center;
@@ -201,7 +201,9 @@ pub(crate) struct CrossProducts {
 
 /// Those on one axis.
 struct OfAxis {
-    /// The forms that act on it, with what of the axis' columns is theirs, and the first of these among those of the form.
+    /// Hats of each parameter.
+    hats: usize,
+    /// The forms that act on it.
     forms: Vec<OfForm>,
     /// A row for each parameter that acts on the axis, and each hat.
     against: DMatrix<f32>,
@@ -209,7 +211,9 @@ struct OfAxis {
 
 struct OfForm {
     form: usize,
-    columns: Range<usize>,
+    /// Those of the axis' parameters that are its own, ...
+    parameters: Range<usize>,
+    /// ... and the first of them among all of its own.
     first: usize,
     /// Of its columns with each other.
     gram: DMatrix<f32>,
@@ -258,7 +262,7 @@ impl CrossProducts {
                     rows.row_mut(place).iter_mut().zip(column).for_each(|(value, own)| *value = *own as f32);
                 }
             }
-            products.axes[axis].add(rows.as_slice(), &against.axes[axis], 0);
+            products.axes[axis].add((rows.as_slice(), &(0..hats.count)), &against.axes[axis], 0);
         }
         Some((Cow::Owned(taking.forms), products))
     }
@@ -281,12 +285,13 @@ impl CrossProducts {
                 let count = own.iter().filter(|parameter| range.contains(parameter)).count();
                 Some(OfForm {
                     form,
-                    columns: first * hats..(first + count) * hats,
-                    first: (own[first] - range.start) * hats,
+                    parameters: first..first + count,
+                    first: own[first] - range.start,
                     gram: DMatrix::zeros(count * hats, count * hats),
                 })
             };
             OfAxis {
+                hats,
                 forms: ranges.iter().enumerate().filter_map(of_form).collect(),
                 against: DMatrix::zeros(own.len() * hats, against.axes[axis].ncols()),
             }
@@ -302,25 +307,24 @@ impl CrossProducts {
         quantity: &[QuantitySignal],
         hats: EvenHats,
     ) {
-        let widths = self.axes.each_ref().map(|axis| axis.against.nrows());
+        let parameters = self.axes.each_ref().map(|axis| axis.against.nrows() / self.hats);
         // Those of a part of a flight, behind those before that they are predicted from.
         let mut rows: [Vec<f32>; 6] = Default::default();
         for ((flight, range), (signals, quantity)) in
             problem.ranges().enumerate().zip(signals.iter().zip(quantity))
         {
             let mut parts = signals.times_hats(quantity, hats);
-            rows.iter_mut().for_each(Vec::clear);
-            let (mut past, mut first) = (0, 0);
-            while let Some(count) = parts.append_next(ROWS_AT_ONCE, &mut rows) {
-                let kept = (past + count).min(whitening::ORDER);
-                for (axis, (rows, width)) in rows.iter_mut().zip(widths).enumerate() {
-                    let next = rows[(past + count - kept) * width..].to_vec();
+            let mut first = 0;
+            while let Some(SomeRows { past, count, hats }) =
+                parts.next_rows([ROWS_AT_ONCE, whitening::ORDER], &mut rows)
+            {
+                for (axis, (rows, parameters)) in rows.iter_mut().zip(parameters).enumerate() {
+                    let width = parameters * hats.len();
                     problem.whiten_rows((flight, axis), (&mut *rows, width), (past, first));
-                    self.axes[axis].add(&rows[past * width..], &against.axes[axis], range.start + first);
-                    *rows = next;
+                    let behind = (&rows[past * width..], &hats);
+                    self.axes[axis].add(behind, &against.axes[axis], range.start + first);
                 }
                 first += count;
-                past = kept;
             }
         }
     }
@@ -332,13 +336,13 @@ impl CrossProducts {
         let mut with = DMatrix::zeros(size, against.taken + against.residuals());
         for (axis, of_basis) in self.axes.iter().zip(&against.of_basis) {
             let Some(own) = axis.forms.iter().find(|own| own.form == form) else { continue };
-            let width = own.columns.len();
-            let mut block = gram.view_mut((own.first, own.first), (width, width));
+            let (first, width) = (own.first * self.hats, own.parameters.len() * self.hats);
+            let mut block = gram.view_mut((first, first), (width, width));
             block.zip_apply(&own.gram, |sum, own| *sum += f64::from(own));
             let places = of_basis.iter().copied().chain(against.taken..against.taken + against.residuals());
-            let rows = axis.against.rows(own.columns.start, width);
+            let rows = axis.against.rows(own.parameters.start * self.hats, width);
             for (column, place) in rows.column_iter().zip(places) {
-                let mut sum = with.view_mut((own.first, place), (width, 1));
+                let mut sum = with.view_mut((first, place), (width, 1));
                 sum.zip_apply(&column, |sum, own| *sum += f64::from(own));
             }
         }
@@ -347,21 +351,42 @@ impl CrossProducts {
 }
 
 impl OfAxis {
-    /// Adds rows, one value after the other, the first of them row `first` of all.
-    fn add(&mut self, rows: &[f32], against: &DMatrix<f32>, first: usize) {
-        let width = self.against.nrows();
+    /// Adds rows of some hats, one value after the other, the first of them row `first` of all.
+    fn add(&mut self, (rows, hats): (&[f32], &Range<usize>), against: &DMatrix<f32>, first: usize) {
+        let width = self.against.nrows() / self.hats * hats.len();
         if width == 0 {
             return;
         }
         let count = rows.len() / width;
         let all = DMatrixView::from_slice(rows, width, count);
-        self.against.gemm(1.0, &all, &against.rows(first, count), 1.0);
+        let is_whole = hats.len() == self.hats;
+        let held = against.rows(first, count);
+        if is_whole {
+            self.against.gemm(1.0, &all, &held, 1.0);
+        } else {
+            let sums = all * held;
+            for parameter in 0..width / hats.len() {
+                let mut own = self.against.rows_mut(parameter * self.hats + hats.start, hats.len());
+                own += sums.rows(parameter * hats.len(), hats.len());
+            }
+        }
         for form in &mut self.forms {
-            let (start, own) = (form.columns.start, form.columns.len());
+            let (start, own) = (form.parameters.start * hats.len(), form.parameters.len() * hats.len());
             let across = all.rows(start, own);
             // The same values the other way round.
             let along = DMatrixView::from_slice_with_strides(&rows[start..], count, own, width, 1);
-            form.gram.gemm(1.0, &across, &along, 1.0);
+            if is_whole {
+                form.gram.gemm(1.0, &across, &along, 1.0);
+                continue;
+            }
+            let sums = across * along;
+            let size = (hats.len(), hats.len());
+            let own = 0..form.parameters.len();
+            for (row, column) in own.clone().flat_map(|row| own.clone().map(move |column| (row, column))) {
+                let at = |k: usize| k * self.hats + hats.start;
+                let mut own = form.gram.view_mut((at(row), at(column)), size);
+                own += sums.view((row * hats.len(), column * hats.len()), size);
+            }
         }
     }
 }

@@ -32,12 +32,14 @@ pub fn add(
 ) -> Result<Added, WorkflowError> {
     sets.hold_against(model, &[effect], observer)?;
     let (better, addition) = join(model, effect, sets, &Options::default(), observer)?;
-    sets.judge_clocks(&better, effect);
+    if addition.finding.supported {
+        sets.judge_clocks(&better, effect);
+    }
     let (model, refinement) = refine(better, sets, rows, observer)?;
     Ok(Added { model, addition, refinement })
 }
 
-/// The model with `effect`, on flights whose clocks and trim are set.
+/// The model with `effect`, on flights whose clocks and trim are set. Winds that the flights have of their own are found anew about it.
 pub(crate) fn join(
     model: &Model,
     effect: Effect,
@@ -53,7 +55,8 @@ pub(crate) fn join(
     with.set(effect, &vec![0.0; effect.info().coefficients.len()]);
     sets.trim(&with);
     let addition = added(model, effect, sets, options)?;
-    let mut better = addition.fit.model.clone();
+    let better = addition.fit.model.clone();
+    let mut better = sets.follow_weather(&better).unwrap_or(better);
     let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
     better.fit = Some(sets.record(&better, rotation_refused));
     better.history.clone_from(&model.history);

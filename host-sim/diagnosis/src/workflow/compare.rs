@@ -25,6 +25,7 @@ pub fn line_up(
     flights: &mut FlightsOfOneKind,
     observer: &dyn Observer,
 ) -> Result<(), WorkflowError> {
+    flights.recall_weather(model);
     // Offsets of flights of commands are counted from what the training flights had in common.
     let delay_s = model.fit.as_ref().and_then(|fit| fit.rotor_delay_s);
     flights.hold_against(model, &[], (Likeness::SAME, Reference::Model(delay_s)), observer)

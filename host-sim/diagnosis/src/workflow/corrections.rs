@@ -13,11 +13,20 @@ use crate::wander;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::{LoadedFlight, leave_out_undefined};
 use crate::workflow::sets::{FlightSets, FlightsOfOneKind};
+use crate::workflow::winds::recall;
 
 /// Fits of drag and winds by turns: a drag that was fitted without the winds is off by what they do.
 const ROUNDS: usize = 3;
 /// Smallest root mean square of a wind that wanders in the flight with most of it, m/s.
 const LEAST_M_S: f64 = 0.2;
+
+/// What flights tell of their own winds.
+enum OwnWinds {
+    /// The model fitted in them.
+    Differ(Box<Model>),
+    /// No more than by chance.
+    Alike,
+}
 
 impl FlightSets {
     /// Checks the flights against a model that is there already, and sets their clocks and trim.
@@ -31,9 +40,20 @@ impl FlightSets {
         self.faults.add_of_fitted(model, self.held_out.loaded());
         let all: Vec<&LoadedFlight> = self.training.loaded().iter().chain(self.held_out.loaded()).collect();
         self.faults.add_of_likeness(model, &all, Likeness::SAME);
+        self.recall_weather(model);
         self.align_training(model);
         self.align_held_out(model);
         Ok(())
+    }
+
+    /// Lets the winds blow beside which a model was fitted. Where some of the flights are new to it, those of all are found anew.
+    fn recall_weather(&mut self, model: &Model) {
+        self.revealed = None;
+        self.faults.withdraw(FaultKind::WindBetweenFlights);
+        let recalled = recall(model, &mut self.training.0) + recall(model, &mut self.held_out.0);
+        if recalled > 0 && (recalled == self.all().count() || self.find_weather(model).is_some()) {
+            self.tell_weather();
+        }
     }
 
     /// Aligns the training flights with each other and finds their trim.
@@ -66,38 +86,50 @@ impl FlightSets {
 
     /// Gives each flight its own wind about `model`, where they differ: the model fitted again in these winds.
     pub(crate) fn find_weather(&mut self, model: &Model) -> Option<Model> {
-        let fitted = self.in_own_winds(model);
-        if fitted.is_none() {
-            self.forget_weather();
+        if let Some(OwnWinds::Differ(fitted)) = self.in_own_winds(model) {
+            return Some(*fitted);
         }
-        fitted
+        self.forget_weather();
+        None
     }
 
-    fn in_own_winds(&mut self, model: &Model) -> Option<Model> {
+    /// Nothing where the flights do not tell their winds beside what is in the model.
+    fn in_own_winds(&mut self, model: &Model) -> Option<OwnWinds> {
         let mut about = model.clone();
         for _ in 0..ROUNDS {
             let drag = weather::beside_pushes(&self.train(), &about)?;
-            if !weather::estimate(&mut self.all_prepared(), &drag) {
-                return None;
+            if !weather::estimate(&mut self.all_prepared(), &drag)? {
+                return Some(OwnWinds::Alike);
             }
             about = sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(&about)).ok()?.model;
         }
-        Some(about)
+        Some(OwnWinds::Differ(Box::new(about)))
     }
 
     /// Finds the flights' own winds anew about a model that was fitted in them, where they have any: the model fitted in what was found,
-    /// and without any wind of theirs where it explains what they differed by.
+    /// and without any wind of theirs where it explains what they differed by. Where the flights do not tell, the winds stay as they are.
     pub(crate) fn follow_weather(&mut self, model: &Model) -> Option<Model> {
         if !self.has_own_winds() {
             return None;
         }
         self.revealed = None;
-        if let Some(again) = self.find_weather(model) {
-            self.tell_weather();
-            return Some(again);
+        let before = self.winds();
+        match self.in_own_winds(model) {
+            Some(OwnWinds::Differ(again)) => {
+                self.tell_weather();
+                Some(*again)
+            }
+            Some(OwnWinds::Alike) => {
+                self.forget_weather();
+                self.faults.withdraw(FaultKind::WindBetweenFlights);
+                let calm = sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(model));
+                calm.ok().map(|fit| fit.model)
+            }
+            None => {
+                self.blow(&before);
+                None
+            }
         }
-        self.faults.withdraw(FaultKind::WindBetweenFlights);
-        sysid::fit(&self.train(), &model.vehicle, &model.effects(), Some(model)).ok().map(|fit| fit.model)
     }
 
     pub(crate) fn forget_weather(&mut self) {
@@ -107,15 +139,9 @@ impl FlightSets {
 
     /// Says the wind of each flight.
     pub(crate) fn tell_weather(&mut self) {
-        let of = |flight: &LoadedFlight| {
-            let [north, east] = [0, 1].map(|i| fixed(flight.prepared.wind_ned_m_s[i], 2));
-            format!("{} {north} north and {east} east", flight.path.display())
-        };
-        let winds: Vec<String> = self.all().map(of).collect();
-        let sentence =
-            format!("each has a wind of its own, which is taken into account: in m/s, {}", winds.join(", "));
+        let fault = weather_of(self.all());
         self.faults.withdraw(FaultKind::WindBetweenFlights);
-        self.faults.add("flights", Fault::of_all(FaultKind::WindBetweenFlights, Severity::Warning, sentence));
+        self.faults.add("flights", fault);
     }
 
     /// Gives each flight a wind that wanders, about `model` fitted again without what is slow in the horizontal forces. Whether
@@ -200,6 +226,15 @@ impl FlightSets {
 }
 
 impl FlightsOfOneKind {
+    /// Lets the winds blow beside which a model was fitted, in those of the flights that it knows.
+    pub(crate) fn recall_weather(&mut self, model: &Model) {
+        self.faults.withdraw(FaultKind::WindBetweenFlights);
+        if recall(model, &mut self.flights) > 0 {
+            let windy = self.flights.iter().filter(|flight| flight.prepared.has_own_wind());
+            self.faults.add("flights", weather_of(windy));
+        }
+    }
+
     /// Checks the flights against a model whose coefficients stay, and sets their clocks.
     pub(crate) fn hold_against(
         &mut self,
@@ -215,6 +250,18 @@ impl FlightsOfOneKind {
         align_to(&mut self.flights, model, reference);
         Ok(())
     }
+}
+
+/// The wind of each flight.
+fn weather_of<'a>(flights: impl Iterator<Item = &'a LoadedFlight>) -> Fault {
+    let of = |flight: &LoadedFlight| {
+        let [north, east] = [0, 1].map(|i| fixed(flight.prepared.wind_ned_m_s[i], 2));
+        format!("{} {north} north and {east} east", flight.path.display())
+    };
+    let winds: Vec<String> = flights.map(of).collect();
+    let sentence =
+        format!("each has a wind of its own, which is taken into account: in m/s, {}", winds.join(", "));
+    Fault::of_all(FaultKind::WindBetweenFlights, Severity::Warning, sentence)
 }
 
 /// Aligns flights to a model whose coefficients stay.
@@ -261,6 +308,7 @@ mod tests {
             sha256: held.flights[1].sha256.clone(),
             role: model::FlightRole::Train,
             samples: 1,
+            wind_m_s: None,
         };
         model.fit = Some(model::FitRecord { flights: vec![record], ..Default::default() });
         held.hold_against(&model, &[], (Likeness::SAME, Reference::Model(None)), &Silent).unwrap();

@@ -6,7 +6,7 @@ use sysid::{FaultKind, Prepared, Residuals, errors, residuals};
 
 use crate::conclusion::conclude;
 use crate::criteria::LEFT_BY_OWN_WINDS;
-use crate::finding::{EffectFinding, Unexplained};
+use crate::finding::EffectFinding;
 use crate::not_logged::not_told;
 use crate::observer::Observer;
 use crate::options::{SLOW_S, SLOWER_S};
@@ -155,37 +155,46 @@ fn search_in_one_wind(
         .and_then(|found| or_by_other_splits(found, model, &[train, validate].concat(), options, observer))
         .map_err(|why| WorkflowError::of_search(why, names(sets.training.loaded())))?;
     diagnosis.not_identified.extend(sets.faults.not_identified());
-    diagnosis.not_identified.extend(logged_too_slowly(&diagnosis, &sets.train()));
+    diagnosis.not_identified.extend(not_in_the_log(&diagnosis, &sets.train()));
     let all: Vec<&Prepared> = sets.all().map(|flight| &flight.prepared).collect();
     diagnosis.not_identified.extend(not_told(&diagnosis.unexplained, &all, &model.vehicle));
     let Diagnosis { effects, unexplained, not_identified, .. } = diagnosis;
     Ok(conclude(effects, unexplained, not_identified))
 }
 
-/// A rotation that answers to the past in a slow or interpolated log answers to what happened between its rows; where they are further
-/// apart, the forces do as well.
-fn logged_too_slowly(diagnosis: &Diagnosis, flights: &[&Prepared]) -> Vec<NotIdentified> {
-    let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
-    let interpolated = flights.iter().any(|flight| flight.is_interpolated);
-    let left = |u: &Unexplained| Group::of(u.axis) == Group::Rotation && u.depends_on == Dependence::Past;
-    if !(interpolated || period_s > SLOW_S) || !diagnosis.unexplained.iter().any(left) {
+/// A rotation that answers to the past in a slow or interpolated log answers to what happened between its rows, and so do forces that
+/// answer to it; where the rows are further apart, all forces do. In smoothed rates it is the rotation alone.
+fn not_in_the_log(diagnosis: &Diagnosis, flights: &[&Prepared]) -> Vec<NotIdentified> {
+    let answers_to_the_past = |group: &Group| {
+        let left = &diagnosis.unexplained;
+        left.iter().any(|u| Group::of(u.axis) == *group && u.depends_on == Dependence::Past)
+    };
+    if !answers_to_the_past(&Group::Rotation) {
         return Vec::new();
     }
-    let why = match interpolated {
-        true => {
-            "the log is interpolated: the craft also answers to what happened between its own rows".into()
-        }
-        false => format!(
+    let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
+    let faster = "log at 100 Hz or more";
+    let (why, excitation, groups): (String, _, Vec<Group>) = if flights.iter().any(|f| f.is_interpolated) {
+        let why = "the log is interpolated: the craft also answers to what happened between its own rows";
+        (why.into(), faster, GROUPS.to_vec())
+    } else if period_s > SLOW_S {
+        let why = format!(
             "the motor commands are under-sampled at {} Hz: the craft also answers to those between the rows",
             fixed(1.0 / period_s, 0)
-        ),
+        );
+        let is_unknown = |group: &Group| period_s > SLOWER_S || answers_to_the_past(group);
+        (why, faster, GROUPS.into_iter().filter(is_unknown).collect())
+    } else if flights.iter().any(|flight| flight.has_derived_rates) {
+        let why = "the body rates are smoothed derivatives of the attitude and lack the fast rotation";
+        (why.into(), "log gyro rates", vec![Group::Rotation])
+    } else {
+        return Vec::new();
     };
-    let of = |group: &Group| NotIdentified {
+    let of = |group: Group| NotIdentified {
         leaves_findings: true,
-        ..NotIdentified::of_group(*group, why.clone(), "log at 100 Hz or more")
+        ..NotIdentified::of_group(group, why.clone(), excitation)
     };
-    let is_unknown = |group: &&Group| **group == Group::Rotation || interpolated || period_s > SLOWER_S;
-    GROUPS.iter().filter(is_unknown).map(of).collect()
+    groups.into_iter().map(of).collect()
 }
 
 #[cfg(test)]
@@ -193,6 +202,7 @@ mod tests {
     use flights::Flight;
 
     use super::*;
+    use crate::finding::Unexplained;
     use crate::testing::{ORDINARY, fly, truth};
     use crate::workflow::{Reading, Silent, identify};
 
@@ -237,6 +247,32 @@ mod tests {
         let basic = identify(&vehicle, &[], &mut sets, None, &Silent).unwrap().model;
         let found = diagnose(&basic, &[], &mut sets, &Options::default(), &Silent).unwrap();
         (found, sets)
+    }
+
+    /// The same residual in logs of several kinds.
+    #[test]
+    fn what_a_log_lacks_is_said_of_the_groups_that_answer_to_it() {
+        let flown = Prepared::new(&fly(&truth(), 1, 4.0, &ORDINARY), &truth().vehicle).unwrap();
+        let unknown = |axes: &[Axis], period_s: f64, has_derived_rates: bool, is_interpolated: bool| {
+            let left = |axis: &Axis| Unexplained {
+                axis: *axis,
+                depends_on: Dependence::Past,
+                share_percent: 20.0,
+                p_value: 0.0,
+            };
+            let diagnosis = conclude(Vec::new(), axes.iter().map(left).collect(), Vec::new());
+            let flight = Prepared { period_s, has_derived_rates, is_interpolated, ..flown.clone() };
+            let of = not_in_the_log(&diagnosis, &[&flight]);
+            of.into_iter().map(|unknown| unknown.group).collect::<Vec<Group>>()
+        };
+        let (both, rotation) = ([Axis::W, Axis::P], [Axis::P]);
+        assert_eq!(unknown(&both, 0.01, false, false), []);
+        assert_eq!(unknown(&[Axis::W], 0.04, true, true), [], "the rotation does not answer to the past");
+        assert_eq!(unknown(&both, 0.01, true, false), [Group::Rotation]);
+        assert_eq!(unknown(&both, 0.02, false, false), GROUPS);
+        assert_eq!(unknown(&rotation, 0.02, false, false), [Group::Rotation]);
+        assert_eq!(unknown(&rotation, 0.04, false, false), GROUPS);
+        assert_eq!(unknown(&rotation, 0.01, true, true), GROUPS);
     }
 
     /// Nothing of the craft is missing where each flight has a wind of its own.

@@ -209,9 +209,6 @@ fn join_and_search(
     observer: &dyn Observer,
 ) -> Result<(Joined, Diagnosis), WorkflowError> {
     let (mut better, addition) = join(model, effect, sets, options, observer)?;
-    if let Some(again) = sets.follow_weather(&better) {
-        better = fitted_again(&better, again, sets);
-    }
     let had_weather = sets.has_weather();
     let next = search(&better, sets, options, observer)?;
     let (model, comparison) = sets.concealed(|sets| {

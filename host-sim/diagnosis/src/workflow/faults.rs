@@ -288,6 +288,7 @@ mod tests {
             sha256: flight.sha256.clone(),
             role,
             samples: 1,
+            wind_m_s: None,
         };
         model.fit = Some(FitRecord {
             flights: vec![record(&flights[0], FlightRole::Validate), record(&flights[1], FlightRole::Train)],

@@ -18,6 +18,7 @@ use crate::criteria::LEFT_BY_OWN_WINDS;
 use crate::finding::{AxisDrop, Diagnosis, EffectFinding};
 use crate::workflow::corrections::prepared;
 use crate::workflow::sets::FlightsOfOneKind;
+use crate::workflow::winds::Winds;
 
 pub(crate) const WIND: Change = Change { effect: Effect::SteadyWind, motor: None };
 
@@ -43,26 +44,22 @@ impl FlightsOfOneKind {
         if !weather::estimate_about_mean(&mut prepared(&mut self.flights), &about, model) {
             return None;
         }
-        let in_one_drag: Vec<Vector3<f64>> =
-            self.prepared().iter().map(|flight| flight.wind_ned_m_s).collect();
+        let in_one_drag = Winds::of(self.flights.iter());
         self.forget_own_winds();
-        let deviations = self.deviations_in_own_drag(model).unwrap_or(in_one_drag);
-        for (flight, deviation) in self.flights.iter_mut().zip(deviations) {
-            flight.prepared.wind_ned_m_s = deviation;
-        }
+        self.deviations_in_own_drag(model).unwrap_or(in_one_drag).blow(self.flights.iter_mut());
         Some(fit_change(model, WIND, &self.prepared()).ok()?.model)
     }
 
     /// What the wind of each flight, fitted to it alone with the drag in it, differs from the mean by. Nothing where a flight alone does
     /// not tell the drag.
-    fn deviations_in_own_drag(&self, model: &Model) -> Option<Vec<Vector3<f64>>> {
+    fn deviations_in_own_drag(&self, model: &Model) -> Option<Winds> {
         let alone = |flight: &&Prepared| {
             let fitted = fit_change(model, WIND, &[flight]).ok().filter(Fitted::knows_its_law)?;
             Some(Vector3::new(fitted.values[0], fitted.values[1], 0.0))
         };
         let winds: Vec<Vector3<f64>> = self.prepared().iter().map(alone).collect::<Option<_>>()?;
         let mean = winds.iter().sum::<Vector3<f64>>() / winds.len() as f64;
-        Some(winds.into_iter().map(|wind| wind - mean).collect())
+        Some(Winds(winds.into_iter().map(|wind| wind - mean).collect()))
     }
 
     pub(crate) fn forget_own_winds(&mut self) {

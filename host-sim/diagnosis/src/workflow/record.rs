@@ -71,6 +71,10 @@ fn entries(flights: &[LoadedFlight], role: FlightRole) -> Vec<FlightRecord> {
         sha256: flight.sha256.clone(),
         role,
         samples: flight.prepared.rows() as u64,
+        wind_m_s: flight.prepared.has_own_wind().then(|| {
+            let [north, east, _] = flight.prepared.wind_ned_m_s.into();
+            [north, east]
+        }),
     };
     flights.iter().map(entry).collect()
 }

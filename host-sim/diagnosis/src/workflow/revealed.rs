@@ -20,7 +20,7 @@ impl FlightSets {
     pub(crate) fn reveal(&mut self, model: &Model, options: &Options) -> Option<EffectFinding> {
         self.conceal();
         let candidates = options.candidates_by(model, &[self.train(), self.validate()].concat());
-        let asked: Vec<Effect> = WIND.reveals().filter(|effect| candidates.contains(effect)).collect();
+        let asked: Vec<Effect> = WIND.effect.reveals().filter(|effect| candidates.contains(effect)).collect();
         if asked.is_empty() {
             return None;
         }
@@ -73,13 +73,14 @@ impl FlightSets {
         found
     }
 
-    fn winds(&self) -> Winds {
-        Winds(self.all().map(|flight| flight.prepared.wind_ned_m_s).collect())
+    /// Those that the flights are in.
+    pub(crate) fn winds(&self) -> Winds {
+        Winds::of(self.all())
     }
 
-    fn blow(&mut self, winds: &Winds) {
-        let flights = self.training.0.iter_mut().chain(&mut self.held_out.0);
-        flights.zip(&winds.0).for_each(|(flight, wind)| flight.prepared.wind_ned_m_s = *wind);
+    /// Lets others blow.
+    pub(crate) fn blow(&mut self, winds: &Winds) {
+        winds.blow(self.training.0.iter_mut().chain(&mut self.held_out.0));
     }
 }
 
@@ -90,11 +91,13 @@ mod tests {
 
     use super::*;
     use crate::testing::{ORDINARY, fly, truth};
-    use crate::workflow::{Reading, Silent, explain};
+    use crate::workflow::{
+        Explanation, FlightsOfOneKind, LoadedFlight, Reading, Silent, add, compare, diagnose, explain,
+    };
 
     const WINDS_M_S: [[f64; 2]; 5] = [[0.0, 0.0], [-2.0, 0.5], [-3.5, 0.0], [-1.0, 1.0], [-3.0, -0.5]];
 
-    fn explained(drag: Option<[f64; 2]>) -> (Vec<Effect>, FlightSets) {
+    fn explained(drag: Option<[f64; 2]>) -> (Explanation, FlightSets) {
         let flown = |(seed, wind): (usize, &[f64; 2])| {
             let mut world = truth();
             world.set(Effect::SteadyWind, wind);
@@ -109,7 +112,7 @@ mod tests {
         let mut sets =
             FlightSets::from_flights(train, validate, &vehicle, Reading::default(), &Silent).unwrap();
         let explained = explain(&vehicle, &[], &mut sets, &Options::default(), None, &Silent).unwrap();
-        (explained.found(), sets)
+        (explained, sets)
     }
 
     fn winds_are_within(sets: &FlightSets, part: f64) {
@@ -121,16 +124,52 @@ mod tests {
 
     #[test]
     fn a_drag_that_grows_with_the_airspeed_is_found_in_winds_that_were_told_by_it() {
-        let (found, sets) = explained(Some([-0.2; 2]));
-        assert_eq!(found, [Effect::QuadraticDrag]);
+        let (explained, sets) = explained(Some([-0.2; 2]));
+        assert_eq!(explained.found(), [Effect::QuadraticDrag]);
         assert!(sets.faults.has(FaultKind::WindBetweenFlights));
         winds_are_within(&sets, 0.15);
     }
 
+    /// A model file says in which winds it was fitted: held against the same flights later, it is what it was.
+    #[test]
+    fn a_model_that_was_explained_in_winds_is_held_against_its_flights_in_the_same() {
+        let (explained, sets) = explained(Some([-0.2; 2]));
+        let model = &explained.model;
+        let [again, mut compared] = [&sets.held_out.0, &sets.held_out.0].map(|own| calm(own));
+        let mut compared =
+            FlightsOfOneKind::from_loaded(std::mem::take(&mut compared), &model.vehicle, Reading::default())
+                .unwrap();
+        let errors = compare(model, &mut compared, &Silent).unwrap().total;
+        for axis in model::AXES {
+            let recorded = model.fit.as_ref().unwrap().held_out[axis].rms;
+            assert!((errors[axis].rms / recorded - 1.0).abs() < 1e-6, "{axis}: {recorded}, {errors:?}");
+        }
+        assert!(compared.faults.has(FaultKind::WindBetweenFlights));
+        let loaded = |train| {
+            FlightSets::from_loaded(train, again.clone(), &model.vehicle, Reading::default()).unwrap()
+        };
+        let mut same = loaded(calm(&sets.training.0));
+        let found = diagnose(model, &[], &mut same, &Options::default(), &Silent).unwrap();
+        assert_eq!(found.best(), None, "{}", found.summary);
+        assert!(same.faults.has(FaultKind::WindBetweenFlights));
+        // A push along one axis that is not there does not stand for what the winds are.
+        let added = add(model, Effect::Tether, &mut loaded(calm(&sets.training.0)), None, &Silent).unwrap();
+        assert!(!added.addition.finding.supported, "{}", added.addition.finding.reason);
+        let record = added.model.fit.unwrap();
+        assert!(record.flights.iter().all(|flight| flight.wind_m_s.is_some()), "{:?}", record.flights);
+    }
+
+    /// The same flights as they were read.
+    fn calm(flights: &[LoadedFlight]) -> Vec<LoadedFlight> {
+        let mut flights = flights.to_vec();
+        Winds(vec![Default::default(); flights.len()]).blow(flights.iter_mut());
+        flights
+    }
+
     #[test]
     fn winds_beside_a_linear_drag_reveal_nothing() {
-        let (found, sets) = explained(None);
-        assert_eq!(found, []);
+        let (explained, sets) = explained(None);
+        assert_eq!(explained.found(), []);
         winds_are_within(&sets, 0.1);
     }
 }

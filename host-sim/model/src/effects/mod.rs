@@ -86,6 +86,11 @@ impl Effect {
         }
     }
 
+    /// Effects that it brings to light: they are fitted together with it ([`crate::Special::reveals`]).
+    pub fn reveals(self) -> impl Iterator<Item = Self> {
+        self.info().special.reveals.iter().filter_map(|id| Self::from_id(id))
+    }
+
     /// The word for it in commands, files and pages.
     pub const fn id(self) -> &'static str {
         self.info().id

@@ -16,8 +16,8 @@ use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
 use crate::checks::{
-    accelerometer, bench, channels, coarse_commands, command_clock, gyro, imu, interpolated, motors,
-    under_sampled,
+    accelerometer, bench, channels, coarse_commands, command_clock, derived_rates, gyro, imu, interpolated,
+    motors, under_sampled,
 };
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight, Mend, StandIn};
@@ -53,6 +53,8 @@ pub enum FaultKind {
     NotAirborne,
     /// Columns that were interpolated from a lower rate.
     Interpolated,
+    /// Rates that were derived from the attitude and smoothed.
+    DerivedRates,
     /// Commands that change between two rows of the log.
     UnderSampled,
     /// Commands that were rounded to coarse steps.
@@ -99,6 +101,7 @@ impl FaultKind {
             Self::Gaps => "gaps",
             Self::NotAirborne => "not-airborne",
             Self::Interpolated => "interpolated",
+            Self::DerivedRates => "derived-rates",
             Self::UnderSampled => "under-sampled",
             Self::CoarseCommands => "coarse-commands",
             Self::NotLogged => "not-logged",
@@ -252,7 +255,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
     if let Some(masked) = masked {
         flight = Cow::Owned(masked);
     }
-    let is_interpolated = tell_rewritten(&flight, vehicle, &mut found);
+    let rewritten = tell_rewritten(&flight, vehicle, &mut found);
     let mut prepared = Prepared::with_standing(&flight, vehicle, standing)?;
     let mut clocks = Clocks::default();
     let mut frame = frames::check(&prepared, vehicle);
@@ -284,7 +287,8 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
         add_frame(fault, &mut found);
     }
     prepared.notes.iter().for_each(|note| found.add(FaultKind::Gaps, Severity::Note, note));
-    prepared.is_interpolated = is_interpolated;
+    (prepared.is_interpolated, prepared.has_derived_rates) =
+        (rewritten.interpolated, rewritten.derived_rates);
     // Of what is refused there is one at most: motors are looked at in right frames only.
     let mut faults = found.faults;
     faults.iter_mut().filter(|f| f.severity == Severity::Refused).for_each(|f| f.mend.clone_from(&mend));
@@ -330,8 +334,14 @@ fn tell_channels(channels: channels::Channels, found: &mut Found) -> Option<Flig
     channels.masked
 }
 
-/// Says which columns a logger interpolated or rounded. Whether it interpolated any.
-fn tell_rewritten(flight: &Flight, vehicle: &Vehicle, found: &mut Found) -> bool {
+/// What a logger did to the columns, which are not as they were measured.
+struct Rewritten {
+    interpolated: bool,
+    derived_rates: bool,
+}
+
+/// Says which columns a logger interpolated, rounded or made of others.
+fn tell_rewritten(flight: &Flight, vehicle: &Vehicle, found: &mut Found) -> Rewritten {
     let interpolated = interpolated::check(flight);
     for one in &interpolated {
         found.add(FaultKind::Interpolated, Severity::Warning, one.sentence());
@@ -339,7 +349,13 @@ fn tell_rewritten(flight: &Flight, vehicle: &Vehicle, found: &mut Found) -> bool
     if let Some(sentence) = coarse_commands::check(flight, vehicle) {
         found.add(FaultKind::CoarseCommands, Severity::Warning, sentence);
     }
-    !interpolated.is_empty()
+    let derived_rates = derived_rates::check(flight);
+    let rewritten =
+        Rewritten { interpolated: !interpolated.is_empty(), derived_rates: derived_rates.is_some() };
+    if let Some(sentence) = derived_rates {
+        found.add(FaultKind::DerivedRates, Severity::Warning, sentence);
+    }
+    rewritten
 }
 
 /// Says what was not logged, and what cannot be told without it.
@@ -431,7 +447,7 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 24] = [
+    const KINDS: [FaultKind; 25] = [
         FaultKind::GyroFault,
         FaultKind::AccelerometerFault,
         FaultKind::CoarseCommands,
@@ -447,6 +463,7 @@ mod tests {
         FaultKind::Gaps,
         FaultKind::NotAirborne,
         FaultKind::Interpolated,
+        FaultKind::DerivedRates,
         FaultKind::UnderSampled,
         FaultKind::WindBetweenFlights,
         FaultKind::WanderingWind,

@@ -7,6 +7,7 @@ pub mod channels;
 pub mod clocks;
 pub mod coarse_commands;
 pub mod command_clock;
+pub mod derived_rates;
 mod examine;
 mod frame_hypotheses;
 mod frame_relations;

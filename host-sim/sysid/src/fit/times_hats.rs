@@ -309,13 +309,13 @@ impl TermSignals {
         let place =
             |at: &Place| (at.axis, by_axis[at.axis].iter().position(|own| *own == at.parameter).unwrap_or(0));
         let moment_places: Vec<(usize, usize)> = self.moments().iter().map(place).collect();
-        let widths = by_axis.each_ref().map(|parameters| parameters.len() * hats.count);
+        let parameters = by_axis.each_ref().map(Vec::len);
         TimesHats {
             signals: self,
             quantity,
             hats,
             moment_places,
-            widths,
+            parameters,
             stretch: 0,
             row: 0,
             pairs: [vec![], vec![]],
@@ -330,7 +330,8 @@ pub struct TimesHats<'a> {
     quantity: &'a QuantitySignal,
     hats: EvenHats,
     moment_places: Vec<(usize, usize)>,
-    widths: [usize; 6],
+    /// Parameters that act on each axis.
+    parameters: [usize; 6],
     /// Where the next rows are.
     stretch: usize,
     row: usize,
@@ -338,26 +339,42 @@ pub struct TimesHats<'a> {
     pairs: [Vec<Pair>; 2],
 }
 
+/// Some rows of a fit with a quantity.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SomeRows {
+    /// Those that were formed before.
+    pub past: usize,
+    /// Those behind them, which were not.
+    pub count: usize,
+    /// The hats that they have: all others are zero in all of them.
+    pub hats: Range<usize>,
+}
+
 impl TimesHats<'_> {
-    /// Appends the next rows to those of each axis, so many at most: for each parameter that acts on it, in order, the filtered products
-    /// with every hat. Says how many there were; nothing at the end of the flight. A search forms so many that they are kept in single
-    /// precision: each is a sum in double precision.
-    pub fn append_next(&mut self, most: usize, rows: &mut [Vec<f32>; 6]) -> Option<usize> {
-        let Self { signals, quantity, hats, widths, .. } = *self;
+    /// Puts the next rows of each axis in the place of those that there are, so many at most, behind up to `past` that were formed before:
+    /// for each parameter that acts on the axis, in order, the filtered products with the hats that are not zero in all of them. Nothing at
+    /// the end of the flight. A search forms so many that they are kept in single precision: each is a sum in double precision.
+    pub fn next_rows(&mut self, [most, past]: [usize; 2], rows: &mut [Vec<f32>; 6]) -> Option<SomeRows> {
+        let Self { signals, quantity, hats, parameters, .. } = *self;
         let (stretch, formed) = (signals.stretches.get(self.stretch)?, quantity.0.get(self.stretch)?);
         if self.row == 0 {
             let pairs = |signal: &[f64]| signal.iter().map(|value| hats.pair(*value)).collect();
             self.pairs = [pairs(&formed.forces), pairs(&formed.moments)];
         }
-        let first_row = self.row;
-        let count = most.min(stretch.turns.len() - first_row);
-        let firsts = rows.each_ref().map(Vec::len);
-        for ((axis, first), width) in rows.iter_mut().zip(firsts).zip(widths) {
-            axis.resize(first + count * width, 0.0);
+        let count = most.min(stretch.turns.len() - self.row);
+        let past = past.min(self.row);
+        let first_row = self.row - past;
+        let of = first_row..self.row + count;
+        let [forces, moments] = [(&stretch.forces, &self.pairs[0]), (&stretch.moments, &self.pairs[1])]
+            .map(|(signals, pairs)| signals.hats(of.clone(), pairs));
+        let live = forces.start.min(moments.start)..forces.end.max(moments.end);
+        let widths = parameters.map(|parameters| parameters * live.len());
+        for (axis, width) in rows.iter_mut().zip(widths) {
+            axis.clear();
+            axis.resize(of.len() * width, 0.0);
         }
-        let of = first_row..first_row + count;
         let at = |axis: usize, row: usize, place: usize, hat: usize| {
-            firsts[axis] + (row - first_row) * widths[axis] + place * hats.count + hat
+            (row - first_row) * widths[axis] + place * live.len() + hat - live.start
         };
         stretch.moments.for_each_row(of.clone(), &self.pairs[1], hats.count, |row, hat, sums| {
             for ((axis, place), sum) in self.moment_places.iter().zip(sums) {
@@ -376,7 +393,7 @@ impl TimesHats<'_> {
         if self.row == stretch.turns.len() {
             (self.stretch, self.row) = (self.stretch + 1, 0);
         }
-        Some(count)
+        Some(SomeRows { past, count, hats: live })
     }
 }
 
@@ -418,6 +435,19 @@ impl Signals {
         let sum: Vec<f64> = samples.map(at).collect();
         let row = move |start: &usize| sum_of_products(&sum[*start..start + self.taps.len()], &self.taps);
         self.windows.iter().map(row)
+    }
+
+    /// The hats that differ from zero in the windows of some rows.
+    fn hats(&self, rows: Range<usize>, pairs: &[Pair]) -> Range<usize> {
+        let starts = self.windows.get(rows).filter(|_| self.width > 0).unwrap_or_default();
+        let of_rows = match starts {
+            [first, .., last] => &pairs[*first..last + self.taps.len()],
+            [only] => &pairs[*only..only + self.taps.len()],
+            [] => &[],
+        };
+        let firsts = || of_rows.iter().map(|pair| pair.first);
+        // Where nothing acts, none: neither the lowest nor the highest.
+        firsts().min().unwrap_or(usize::MAX)..firsts().max().map_or(0, |last| last + 2)
     }
 
     /// Hands over, for each row and each hat that differs from zero in its window, the filtered products of the signals with the hat.
@@ -504,6 +534,16 @@ mod tests {
         sample.input.position_ned_m.z
     }
 
+    /// Rows of some hats with zeros for the others.
+    fn with_all_hats(rows: &[f32], hats: &Range<usize>) -> Vec<f32> {
+        let with_zeros = |own: &[f32]| {
+            let mut all = [0.0; HATS.count];
+            all[hats.clone()].copy_from_slice(own);
+            all
+        };
+        rows.chunks_exact(hats.len()).flat_map(with_zeros).collect()
+    }
+
     /// With hats among the terms, and with terms times hats: the same rows.
     fn agree(flight: &Flight, target: ForceTarget) {
         let model = Model::new(model::Vehicle::thesis());
@@ -514,8 +554,18 @@ mod tests {
         let down = prepared.quantity_signals(1, &[], &model, |sample, values| values[0] = down(sample));
         let mut rows: [Vec<f32>; 6] = Default::default();
         let mut parts = signals.times_hats(&down[0], HATS);
-        let counts: Vec<usize> = std::iter::from_fn(|| parts.append_next(7, &mut rows)).collect();
-        assert!(counts.iter().all(|count| (1..=7).contains(count)));
+        let mut some: [Vec<f32>; 6] = Default::default();
+        let mut before: Option<[Vec<f32>; 6]> = None;
+        while let Some(own) = parts.next_rows([7, 3], &mut some) {
+            assert!((1..=7).contains(&own.count) && own.past == if before.is_some() { 3 } else { 0 });
+            let all = some.each_ref().map(|rows| with_all_hats(rows, &own.hats));
+            let split = |axis: usize| all[axis].split_at(all[axis].len() / (own.past + own.count) * own.past);
+            if let Some(before) = before {
+                (0..6).for_each(|axis| assert!(before[axis].ends_with(split(axis).0), "formed again"));
+            }
+            (0..6).for_each(|axis| rows[axis].extend(split(axis).1));
+            before = Some(all);
+        }
         let parameters = signals.parameters_by_axis();
         assert_eq!(parameters, [vec![0, 1, 3], vec![0, 1, 3], vec![0, 1, 3], vec![2], vec![], vec![3]]);
         for (axis, parameters) in parameters.iter().enumerate() {

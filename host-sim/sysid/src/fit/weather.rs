@@ -29,32 +29,35 @@ const STEPS: usize = 3;
 /// Independent stretches of a flight that its wind is known from, at least.
 const INDEPENDENT: f64 = 10.0;
 
-/// Gives each of the flights its own wind about `model`, where they differ; takes it from them where they do not. Whether they do.
-pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> bool {
-    let Some(winds) = winds_that_differ(flights, model, model) else { return false };
-    give(flights, winds.0.iter().map(|wind| wind.value));
-    true
+/// Gives each of the flights its own wind about `model`, where they differ; takes it from them where they do not. Whether they do;
+/// nothing where these flights do not tell.
+pub fn estimate(flights: &mut [&mut Prepared], model: &Model) -> Option<bool> {
+    let winds = winds_of(flights, model, model)?;
+    let differ = winds.differ();
+    if differ {
+        give(flights, winds.0.iter().map(|wind| wind.value));
+    }
+    Some(differ)
 }
 
 /// Gives each of the flights what its wind differs from the mean of all by, about `model`, which has that mean or none. The axes along
 /// which drag is known are those of `known`, the model of other flights that they are held against. Whether they differ; where they
 /// do not, no flight has a wind of its own.
 pub fn estimate_about_mean(flights: &mut [&mut Prepared], model: &Model, known: &Model) -> bool {
-    let Some(winds) = winds_that_differ(flights, model, known) else { return false };
+    let Some(winds) = winds_of(flights, model, known).filter(Winds::differ) else { return false };
     let mean = winds.mean();
     give(flights, winds.0.iter().map(|wind| wind.value - mean));
     true
 }
 
-/// Takes the flights' own winds from them, and says those that they should have; nothing where these do not differ or are not known.
-fn winds_that_differ(flights: &mut [&mut Prepared], model: &Model, known: &Model) -> Option<Winds> {
+/// Takes the flights' own winds from them, and says those that they should have; nothing where these are not known.
+fn winds_of(flights: &mut [&mut Prepared], model: &Model, known: &Model) -> Option<Winds> {
     clear(flights);
     if flights.len() < 2 || flights.iter().any(|flight| !flight.has_position) {
         return None;
     }
     let model = with_known_drag(model, known)?;
-    let winds = flights.iter().map(|flight| Wind::of(flight, &model)).collect::<Option<_>>().map(Winds)?;
-    winds.differ().then_some(winds)
+    flights.iter().map(|flight| Wind::of(flight, &model)).collect::<Option<_>>().map(Winds)
 }
 
 fn give(flights: &mut [&mut Prepared], winds: impl Iterator<Item = Vector2<f64>>) {
@@ -218,14 +221,14 @@ mod tests {
         model
     }
 
-    fn estimated(flights: &mut [Prepared], model: &Model) -> bool {
+    fn estimated(flights: &mut [Prepared], model: &Model) -> Option<bool> {
         estimate(&mut flights.iter_mut().collect::<Vec<_>>(), model)
     }
 
     #[test]
     fn each_flight_gets_its_own_wind() {
         let mut flights = flown(&[1.0, -0.5, -0.5]);
-        assert!(estimated(&mut flights, &known()));
+        assert_eq!(estimated(&mut flights, &known()), Some(true));
         for (flight, expected) in flights.iter().zip([1.0, -0.5, -0.5]) {
             let wind = flight.wind_ned_m_s;
             assert!((wind.x - expected).abs() < 0.1 && (wind.y - 0.3).abs() < 0.1 && wind.z == 0.0, "{wind}");
@@ -269,10 +272,10 @@ mod tests {
     #[test]
     fn a_wind_that_all_have_and_drag_that_is_not_known_give_none() {
         let mut alike = flown(&[1.0, 1.0]);
-        assert!(!estimated(&mut alike, &known()));
+        assert_eq!(estimated(&mut alike, &known()), Some(false));
         assert_eq!(alike[0].wind_ned_m_s, Vector3::zeros());
-        assert!(!estimated(&mut flown(&[1.0, -1.0]), &truth()));
-        assert!(!estimated(&mut flown(&[1.0]), &known()));
+        assert_eq!(estimated(&mut flown(&[1.0, -1.0]), &truth()), None);
+        assert_eq!(estimated(&mut flown(&[1.0]), &known()), None);
     }
 
     /// Winds of -4 and 2 m/s: about the mean of -1, each has what it differs from that by.

@@ -97,6 +97,8 @@ pub struct Prepared {
     pub outliers: Vec<Outlier>,
     /// Whether columns of the log were interpolated from a lower rate, which looks like time gained or lost.
     pub is_interpolated: bool,
+    /// Whether the rates were derived from the attitude and smoothed.
+    pub has_derived_rates: bool,
     /// The clock of the rotor samples against that of the state, where it was looked at.
     pub alignment: Option<Alignment>,
     /// Constant part of the targets that belongs to this flight and not to the craft; m/s^2,
@@ -171,6 +173,7 @@ impl Prepared {
             notes,
             outliers,
             is_interpolated: false,
+            has_derived_rates: false,
             alignment: None,
             trim: None,
             wind_ned_m_s: Vector3::zeros(),
