@@ -38,11 +38,11 @@ fn search(
             .map_err(|why| WorkflowError::of_search(why, names(&flights.flights)))
     };
     let found = in_winds(flights)?;
-    if !tried.contains(&WIND) || !flights.find_own_winds(model) {
-        return Ok(found);
-    }
-    let in_own_winds = in_winds(flights)?;
+    let own_winds = if tried.contains(&WIND) { flights.find_own_winds(model) } else { None };
+    let Some(own_winds) = own_winds else { return Ok(found) };
+    let mut in_own_winds = in_winds(flights)?;
     if is_better(&in_own_winds, &found) {
+        own_winds.correct(&mut in_own_winds);
         flights.tell_own_winds(&in_own_winds);
         return Ok(in_own_winds);
     }

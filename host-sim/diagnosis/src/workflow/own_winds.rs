@@ -22,44 +22,86 @@ use crate::workflow::winds::Winds;
 
 pub(crate) const WIND: Change = Change { effect: Effect::SteadyWind, motor: None };
 
+/// The mean of the flights' own winds, m/s north and east.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Mean {
+    value: [f64; 2],
+    std_error: [f64; 2],
+}
+
+impl Mean {
+    /// Of winds that were fitted to one flight each, as uncertain as one of these: they miss in the same way.
+    fn of(alone: &[Fitted]) -> Self {
+        let count = alone.len() as f64;
+        let mean = |of: &dyn Fn(&Fitted) -> f64| alone.iter().map(of).sum::<f64>() / count;
+        let variance = |fitted: &Fitted, k: usize| {
+            fitted.covariance[(k, k)].max(0.0) + (fitted.law_error * fitted.values[k]).powi(2)
+        };
+        Self {
+            value: [0, 1].map(|k| mean(&|fitted| fitted.values[k])),
+            std_error: [0, 1].map(|k| mean(&|fitted| variance(fitted, k)).sqrt()),
+        }
+    }
+}
+
+/// Winds of the flights' own that were found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct OwnWinds {
+    /// Where each flight alone tells its wind and the drag in it.
+    mean: Option<Mean>,
+}
+
+impl OwnWinds {
+    /// Puts the mean of what each flight tells in the place of one that was fitted to all with one drag: how that follows the airspeed is told
+    /// by what the winds differ by, and what is wrong with that comes back many times.
+    pub(crate) fn correct(self, diagnosis: &mut Diagnosis) {
+        let wind = diagnosis.effects.iter_mut().find(|finding| finding.effect == WIND.effect);
+        let Some((mean, wind)) = self.mean.zip(wind) else { return };
+        for ((own, value), std_error) in wind.coefficients.iter_mut().zip(mean.value).zip(mean.std_error) {
+            (own.value, own.std_error) = (value, std_error);
+        }
+    }
+}
+
 impl FlightsOfOneKind {
     /// Gives each flight what its wind differs from their mean by, where they do differ, and where the winds explain most of the horizontal
-    /// forces that `model` leaves. Whether they do.
-    pub(crate) fn find_own_winds(&mut self, model: &Model) -> bool {
+    /// forces that `model` leaves. Nothing where they do not.
+    pub(crate) fn find_own_winds(&mut self, model: &Model) -> Option<OwnWinds> {
         let before = self.squares_of_horizontal_forces(model);
         let found = self
             .in_own_winds(model)
-            .is_some_and(|windy| self.squares_of_horizontal_forces(&windy) < LEFT_BY_OWN_WINDS * before);
-        if !found {
+            .filter(|(windy, _)| self.squares_of_horizontal_forces(windy) < LEFT_BY_OWN_WINDS * before);
+        if found.is_none() {
             self.forget_own_winds();
         }
-        found
+        found.map(|(_, own)| own)
     }
 
     /// The model with the mean wind and the drag in it. That the winds differ shows best in one drag. How strong each is shows best in
     /// its own: the same force is a weak wind in one drag and a strong one in another, and all that flights in different winds
     /// have in common of that is wrong for each of them.
-    fn in_own_winds(&mut self, model: &Model) -> Option<Model> {
+    fn in_own_winds(&mut self, model: &Model) -> Option<(Model, OwnWinds)> {
         let about = fit_change(model, WIND, &self.prepared()).ok()?.model;
         if !weather::estimate_about_mean(&mut prepared(&mut self.flights), &about, model) {
             return None;
         }
         let in_one_drag = Winds::of(self.flights.iter());
         self.forget_own_winds();
-        self.deviations_in_own_drag(model).unwrap_or(in_one_drag).blow(self.flights.iter_mut());
-        Some(fit_change(model, WIND, &self.prepared()).ok()?.model)
+        let alone = self.each_in_its_own_drag(model);
+        let mean = alone.as_deref().map(Mean::of);
+        let deviations = alone.zip(mean).map_or(in_one_drag, |(alone, Mean { value: [north, east], .. })| {
+            let deviation = |own: &Fitted| Vector3::new(own.values[0] - north, own.values[1] - east, 0.0);
+            Winds(alone.iter().map(deviation).collect())
+        });
+        deviations.blow(self.flights.iter_mut());
+        Some((fit_change(model, WIND, &self.prepared()).ok()?.model, OwnWinds { mean }))
     }
 
-    /// What the wind of each flight, fitted to it alone with the drag in it, differs from the mean by. Nothing where a flight alone does
-    /// not tell the drag.
-    fn deviations_in_own_drag(&self, model: &Model) -> Option<Winds> {
-        let alone = |flight: &&Prepared| {
-            let fitted = fit_change(model, WIND, &[flight]).ok().filter(Fitted::knows_its_law)?;
-            Some(Vector3::new(fitted.values[0], fitted.values[1], 0.0))
-        };
-        let winds: Vec<Vector3<f64>> = self.prepared().iter().map(alone).collect::<Option<_>>()?;
-        let mean = winds.iter().sum::<Vector3<f64>>() / winds.len() as f64;
-        Some(Winds(winds.into_iter().map(|wind| wind - mean).collect()))
+    /// The wind of each flight, fitted to it alone with the drag in it. Nothing where a flight alone does not tell the drag.
+    fn each_in_its_own_drag(&self, model: &Model) -> Option<Vec<Fitted>> {
+        let alone =
+            |flight: &&Prepared| fit_change(model, WIND, &[flight]).ok().filter(Fitted::knows_its_law);
+        self.prepared().iter().map(alone).collect()
     }
 
     pub(crate) fn forget_own_winds(&mut self) {
@@ -120,6 +162,8 @@ pub(crate) fn is_better(in_own_winds: &Diagnosis, in_one: &Diagnosis) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{DMatrix, DVector};
+
     use super::*;
     use crate::conclusion::conclude;
     use crate::finding::{CoefficientFigures, Unexplained};
@@ -168,6 +212,39 @@ mod tests {
         mass.axes = [("w", AxisDrop::new(100.0, 1.0))].into();
         let mass = one(mass);
         assert!(is_better(&own(39.0), &mass) && !is_better(&own(41.0), &mass));
+    }
+
+    /// North: (0.3^2 + (0.05 * 6)^2 + 0.4^2 + (0.05 * 2)^2) / 2 = 0.175 m^2/s^2. East, the law adds 0.05^2 and nothing: (0.0925 + 0.16) / 2.
+    #[test]
+    fn the_mean_of_winds_is_as_uncertain_as_one_of_them() {
+        let alone = |values: [f64; 2], deviation: f64| Fitted {
+            model: truth(),
+            values: DVector::from_column_slice(&values),
+            covariance: DMatrix::identity(2, 2) * deviation.powi(2),
+            sigma: [0.0; 6],
+            together: Vec::new(),
+            law_error: 0.05,
+        };
+        let mean = Mean::of(&[alone([-6.0, 1.0], 0.3), alone([-2.0, 0.0], 0.4)]);
+        assert_eq!(mean.value, [-4.0, 0.5]);
+        let [north, east] = mean.std_error;
+        assert!((north - 0.175_f64.sqrt()).abs() < 1e-12 && (east - 0.126_25_f64.sqrt()).abs() < 1e-12);
+        let mut wind = finding(Effect::SteadyWind, true, 10.0);
+        let figures = |c| CoefficientFigures::new(c, -9.0, 0.1, &truth());
+        wind.coefficients = Effect::SteadyWind.info().coefficients.iter().map(figures).collect();
+        let before = diagnosis(vec![finding(Effect::Tether, true, 5.0), wind], Vec::new());
+        let corrected = |own: OwnWinds| {
+            let mut diagnosis = before.clone();
+            own.correct(&mut diagnosis);
+            wind_of(&diagnosis)
+                .unwrap()
+                .coefficients
+                .iter()
+                .map(|c| (c.value, c.std_error))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(corrected(OwnWinds { mean: None }), [(-9.0, 0.1); 2]);
+        assert_eq!(corrected(OwnWinds { mean: Some(mean) }), [(-4.0, north), (0.5, east)]);
     }
 
     #[test]
