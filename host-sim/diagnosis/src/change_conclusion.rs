@@ -11,7 +11,7 @@ use crate::balance::Answer;
 use crate::change::Change;
 use crate::criteria::STRUCTURE_SIGNIFICANCE;
 use crate::figures::rms_of;
-use crate::finding::{Diagnosis, EffectFinding, Since, Unexplained, Verdict};
+use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Since, Unexplained, Verdict};
 use crate::reason::{Dependence, Reason, joined};
 use crate::unidentified::{recorded, verdicts_of_change};
 
@@ -119,11 +119,6 @@ fn summary(
         }
         return nothing_named(unexplained, visible_loss);
     };
-    let size: Vec<String> = finding
-        .coefficients
-        .iter()
-        .map(|c| format!("{} = {}", c.name, with_error(c.value, c.std_error, c.unit)))
-        .collect();
     let (fall, rivals) = match &finding.reason {
         Reason::BalanceShifted { percent: shift, rivals } => {
             let shift = percent(*shift);
@@ -139,8 +134,14 @@ fn summary(
     format!(
         "Since the model was fitted, one thing has changed: {change} ({}). With it, {fall} on flights that it was not \
          estimated from.{rivals}",
-        size.join(", "),
+        sizes(finding),
     )
+}
+
+/// "extra_mass = 0.151 ± 0.012 kg"
+pub(crate) fn sizes(finding: &EffectFinding) -> String {
+    let size = |c: &CoefficientFigures| format!("{} = {}", c.name, with_error(c.value, c.std_error, c.unit));
+    finding.coefficients.iter().map(size).collect::<Vec<_>>().join(", ")
 }
 
 fn rms_fall(finding: &EffectFinding) -> String {

@@ -13,6 +13,7 @@ use sysid::fit::weather;
 use sysid::{Fault, FaultKind, Prepared, Severity};
 
 use crate::change::Change;
+use crate::change_conclusion::sizes;
 use crate::change_fit::{Fitted, fit_change};
 use crate::criteria::LEFT_BY_OWN_WINDS;
 use crate::finding::{AxisDrop, Diagnosis, EffectFinding};
@@ -57,9 +58,12 @@ impl OwnWinds {
     pub(crate) fn correct(self, diagnosis: &mut Diagnosis) {
         let wind = diagnosis.effects.iter_mut().find(|finding| finding.effect == WIND.effect);
         let Some((mean, wind)) = self.mean.zip(wind) else { return };
+        let before = sizes(wind);
         for ((own, value), std_error) in wind.coefficients.iter_mut().zip(mean.value).zip(mean.std_error) {
             (own.value, own.std_error) = (value, std_error);
         }
+        // The sentence says it as well, where the wind is the change.
+        diagnosis.summary = diagnosis.summary.replacen(&before, &sizes(wind), 1);
     }
 }
 
@@ -232,10 +236,14 @@ mod tests {
         let mut wind = finding(Effect::SteadyWind, true, 10.0);
         let figures = |c| CoefficientFigures::new(c, -9.0, 0.1, &truth());
         wind.coefficients = Effect::SteadyWind.info().coefficients.iter().map(figures).collect();
-        let before = diagnosis(vec![finding(Effect::Tether, true, 5.0), wind], Vec::new());
+        let said = format!("steady-wind ({}). With it, less is left.", sizes(&wind));
+        let mut before = diagnosis(vec![finding(Effect::Tether, true, 5.0), wind], Vec::new());
+        before.summary.clone_from(&said);
         let corrected = |own: OwnWinds| {
             let mut diagnosis = before.clone();
             own.correct(&mut diagnosis);
+            let wind = wind_of(&diagnosis).unwrap();
+            assert!(diagnosis.summary.contains(&sizes(wind)), "{}", diagnosis.summary);
             wind_of(&diagnosis)
                 .unwrap()
                 .coefficients
