@@ -2,12 +2,13 @@
 //! the same criteria as in a search for changes.
 
 use model::{Effect, Model};
-use report::number::{p_equation, with_error};
+use report::number::p_equation;
 use schemars::JsonSchema;
 use serde::Serialize;
 
 use crate::balance;
 use crate::change::Change;
+use crate::change_conclusion::sizes;
 use crate::changes::{Examined, examine};
 use crate::evidence::{
     CoefficientEvidence, Criterion, FlightDrop, WhyError, coefficients, criteria, flights,
@@ -132,9 +133,6 @@ fn of_change(
 }
 
 fn in_balance(finding: &EffectFinding) -> BalanceEvidence {
-    let size =
-        |c: &crate::CoefficientFigures| format!("{} = {}", c.name, with_error(c.value, c.std_error, c.unit));
-    let sizes: Vec<String> = finding.coefficients.iter().map(size).collect();
     let is = match finding.supported {
         true => format!("is supported ({})", p_equation(finding.p_value)),
         false => "is not supported".into(),
@@ -143,7 +141,7 @@ fn in_balance(finding: &EffectFinding) -> BalanceEvidence {
         supported: finding.supported,
         summary: format!(
             "By the steady balance of the rotors it {is}, with {}: {}.",
-            sizes.join(", "),
+            sizes(finding),
             finding.reason
         ),
         p_value: finding.p_value,

@@ -359,26 +359,16 @@ impl OfAxis {
         }
         let count = rows.len() / width;
         let all = DMatrixView::from_slice(rows, width, count);
-        let is_whole = hats.len() == self.hats;
-        let held = against.rows(first, count);
-        if is_whole {
-            self.against.gemm(1.0, &all, &held, 1.0);
-        } else {
-            let sums = all * held;
-            for parameter in 0..width / hats.len() {
-                let mut own = self.against.rows_mut(parameter * self.hats + hats.start, hats.len());
-                own += sums.rows(parameter * hats.len(), hats.len());
-            }
+        let sums = all * against.rows(first, count);
+        for parameter in 0..width / hats.len() {
+            let mut own = self.against.rows_mut(parameter * self.hats + hats.start, hats.len());
+            own += sums.rows(parameter * hats.len(), hats.len());
         }
         for form in &mut self.forms {
             let (start, own) = (form.parameters.start * hats.len(), form.parameters.len() * hats.len());
             let across = all.rows(start, own);
             // The same values the other way round.
             let along = DMatrixView::from_slice_with_strides(&rows[start..], count, own, width, 1);
-            if is_whole {
-                form.gram.gemm(1.0, &across, &along, 1.0);
-                continue;
-            }
             let sums = across * along;
             let size = (hats.len(), hats.len());
             let own = 0..form.parameters.len();

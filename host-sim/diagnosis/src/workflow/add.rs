@@ -57,8 +57,7 @@ pub(crate) fn join(
     let addition = added(model, effect, sets, options)?;
     let better = addition.fit.model.clone();
     let mut better = sets.follow_weather(&better).unwrap_or(better);
-    let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
-    better.fit = Some(sets.record(&better, rotation_refused));
+    better.fit = Some(sets.record_after(model, &better));
     better.history.clone_from(&model.history);
     better.history.push(HistoryEntry {
         effect: effect.id().into(),

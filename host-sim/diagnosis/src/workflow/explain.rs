@@ -224,8 +224,7 @@ fn join_and_search(
 
 /// A model as it was fitted again, in other winds.
 fn fitted_again(model: &Model, again: Model, sets: &FlightSets) -> Model {
-    let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
-    let fit = Some(sets.record(&again, rotation_refused));
+    let fit = Some(sets.record_after(model, &again));
     Model { fit, history: model.history.clone(), ..again }
 }
 

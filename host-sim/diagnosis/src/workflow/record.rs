@@ -15,6 +15,11 @@ impl FlightSets {
         FitRecord { scatter: self.scatter(model), ..self.record_without_scatter(model, rotation_refused) }
     }
 
+    /// The same of a model that another one became: why that had no rotation is true of it as well.
+    pub(crate) fn record_after(&self, before: &Model, model: &Model) -> FitRecord {
+        self.record(model, before.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone()))
+    }
+
     /// How far each change's estimate scatters between the flights: as much work as many fits, of which only the last model needs it.
     pub(crate) fn scatter(&self, model: &Model) -> Vec<ChangeScatter> {
         let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();

@@ -22,8 +22,7 @@ pub(crate) fn refine(
     let outcome = refinement.outcome;
     let before = held_out_sse(model.fit.as_ref());
     let mut better = Model { fit: None, ..refinement.model };
-    let rotation_refused = model.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone());
-    let mut record = sets.record(&better, rotation_refused);
+    let mut record = sets.record_after(&model, &better);
     record.refinement = Some(RefinementRecord {
         rows: if rows == Rows::Moments { "moments".into() } else { "all".into() },
         kept: outcome.kept,
