@@ -133,7 +133,7 @@ pub(crate) fn what_is_left(rest: &Validated, train: &[&Prepared], validate: &[&P
 }
 
 /// Ratio of the residual's variance to that of the sensors' noise on each axis; only where no slow part was taken from it.
-fn excess(of: &Validated, validate: &[&Prepared]) -> [Option<f64>; 6] {
+pub(crate) fn excess(of: &Validated, validate: &[&Prepared]) -> [Option<f64>; 6] {
     let mut ratios = noise::excess(validate, &of.held_out, Some(&of.fit.model));
     if validate.iter().any(|flight| slow::is_taken(flight)) {
         ratios[..2].fill(None);

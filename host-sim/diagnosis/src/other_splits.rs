@@ -3,16 +3,20 @@
 //! out once, and what most of these diagnoses find is found.
 
 use model::{Effect, Model};
+use sysid::fit::fit_if;
+use sysid::fit::starts::Demand;
 use sysid::prepare::Prepared;
 
 use crate::conclusion::conclude;
-use crate::criteria::SIGNIFICANCE;
-use crate::diagnose::diagnose_with;
+use crate::criteria::{Left, SIGNIFICANCE, stand_in};
+use crate::diagnose::{diagnose_with, excess};
 use crate::finding::{Diagnosis, EffectFinding};
+use crate::held_out::{examine, fit_and_validate, validated};
 use crate::observer::Observer;
 use crate::options::Options;
 use crate::reason::Reason;
 use crate::search_error::{SearchError, Steps, going_on};
+use crate::stand_ins::incomplete;
 
 /// Most flights that are each held out once.
 const FEW: usize = 6;
@@ -28,34 +32,96 @@ pub(crate) fn or_by_other_splits(
 ) -> Result<Diagnosis, SearchError> {
     let is_lost =
         |f: &EffectFinding| matches!(f.reason, Reason::NotBorneOut { .. }) && f.p_value < SIGNIFICANCE;
-    if diagnosis.best().is_some() || flights.len() > FEW || !diagnosis.effects.iter().any(is_lost) {
+    if diagnosis.best().is_some() || flights.len() > FEW {
         return Ok(diagnosis);
     }
-    let of = flights.len();
-    let mut found: Vec<Effect> = Vec::new();
-    let times = |found: &[Effect], effect: Effect| found.iter().filter(|other| **other == effect).count();
-    let mut steps = Steps::new(observer, of);
-    for (k, held_out) in flights.iter().enumerate() {
-        // The splits that are left may be too few for any of them.
-        let is_open = |f: &EffectFinding| is_lost(f) && 2 * (times(&found, f.effect) + of - k) > of;
-        if !diagnosis.effects.iter().any(is_open) {
-            break;
-        }
-        steps.next(&format!("diagnosing with {} held out", held_out.name))?;
-        let rest: Vec<&Prepared> =
-            flights.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, f)| *f).collect();
-        // A split whose base model cannot be fitted finds nothing.
-        found.extend(diagnose_with(model, &rest, &[held_out], options, observer).ok().and_then(|d| d.best()));
-        going_on(observer)?;
+    let lost: Vec<Effect> = diagnosis.effects.iter().filter(|f| is_lost(f)).map(|f| f.effect).collect();
+    if lost.is_empty() {
+        return Ok(diagnosis);
     }
+    let Some((effect, found)) = found_by_most(&lost, model, flights, options, observer)? else {
+        return Ok(diagnosis);
+    };
     let Diagnosis { mut effects, unexplained, not_identified, .. } = diagnosis;
-    let confirmed = effects.iter_mut().find(|f| is_lost(f) && 2 * times(&found, f.effect) > of);
-    if let Some(finding) = confirmed {
+    for finding in effects.iter_mut().filter(|finding| finding.effect == effect) {
         finding.supported = true;
-        finding.reason = Reason::OnOtherSplits { found: times(&found, finding.effect), of };
+        finding.reason = Reason::OnOtherSplits { found, of: flights.len() };
     }
     effects.sort_by_key(|finding| !finding.supported);
     Ok(conclude(effects, unexplained, not_identified))
+}
+
+/// The first of some effects that is found with most of the flights held out, one after the other, and with how many.
+fn found_by_most(
+    lost: &[Effect],
+    model: &Model,
+    flights: &[&Prepared],
+    options: &Options,
+    observer: &dyn Observer,
+) -> Result<Option<(Effect, usize)>, SearchError> {
+    let of = flights.len();
+    let splits: Vec<Split> = (0..of).map(|k| Split::new(flights, k)).collect();
+    let mut promising: Vec<Vec<Effect>> = Vec::new();
+    let mut steps = Steps::new(observer, of);
+    for split in &splits {
+        steps.next(&format!("holding out {}", split.held_out[0].name))?;
+        promising.push(split.promising(model, lost));
+    }
+    let mut found: Vec<Effect> = Vec::new();
+    let times = |found: &[Effect], effect: &Effect| found.iter().filter(|other| *other == effect).count();
+    let mut steps = Steps::new(observer, of);
+    for (k, split) in splits.iter().enumerate() {
+        // The splits that are left may be too few.
+        let left = |effect: &Effect| promising[k..].iter().filter(|some| some.contains(effect)).count();
+        let is_open = |effect: &&Effect| 2 * (times(&found, effect) + left(effect)) > of;
+        let open: Vec<&Effect> = lost.iter().filter(is_open).collect();
+        if open.is_empty() {
+            return Ok(None);
+        }
+        if !open.iter().any(|effect| promising[k].contains(effect)) {
+            continue;
+        }
+        steps.next(&format!("diagnosing with {} held out", split.held_out[0].name))?;
+        let diagnosis = diagnose_with(model, &split.train, &split.held_out, options, observer);
+        found.extend(diagnosis.ok().and_then(|d| d.best()));
+        going_on(observer)?;
+    }
+    let times = |effect: &Effect| (*effect, times(&found, effect));
+    Ok(lost.iter().map(times).find(|(_, found)| 2 * found > of))
+}
+
+/// One flight held out, and the others.
+struct Split<'a> {
+    train: Vec<&'a Prepared>,
+    held_out: [&'a Prepared; 1],
+}
+
+impl<'a> Split<'a> {
+    fn new(flights: &[&'a Prepared], held_out: usize) -> Self {
+        let rest = flights.iter().enumerate().filter(|(k, _)| *k != held_out).map(|(_, flight)| *flight);
+        Self { train: rest.collect(), held_out: [flights[held_out]] }
+    }
+
+    /// Those of some effects whose search may find them: each must be supported by itself, and must not leave what the right effect would
+    /// take. That costs a fit, where the search costs dozens.
+    fn promising(&self, model: &Model, effects: &[Effect]) -> Vec<Effect> {
+        let flights = (&self.train[..], &self.held_out[..]);
+        let Ok(base) = fit_and_validate(model, &model.effects(), flights.0, flights.1) else {
+            return Vec::new();
+        };
+        let noise_before = excess(&base, flights.1);
+        let is_promising = |effect: &Effect| {
+            let with = [model.effects().as_slice(), &[*effect]].concat();
+            let fit = fit_if(flights.0, &model.vehicle, &with, Some(&base.fit.model), Demand::Promising);
+            fit.and_then(|fit| validated(fit, flights.1)).is_ok_and(|with| {
+                let finding = examine(&base, &with, *effect, flights, 1);
+                let incomplete = incomplete(&noise_before, &excess(&with, flights.1));
+                let left = Left { unexplained: &[], incomplete, answers_late: false };
+                finding.supported && stand_in(&finding, &left).is_none()
+            })
+        };
+        effects.iter().copied().filter(is_promising).collect()
+    }
 }
 
 #[cfg(test)]
@@ -99,22 +165,59 @@ mod tests {
         world.set(effect, &[-1.0]);
         let flights = prepared(&world, 60..63, 8.0, &ORDINARY);
         let flights: Vec<&Prepared> = flights.iter().collect();
+        assert!((0..3).all(|k| Split::new(&flights, k).promising(&truth(), &[effect]) == [effect]));
         let found = or_by_other_splits(lost(effect), &truth(), &flights, &only(effect), &Silent).unwrap();
         assert_eq!(found.best(), Some(effect));
         assert_eq!(found.effects[0].reason, Reason::OnOtherSplits { found: 3, of: 3 });
     }
 
-    /// Flights without rows cannot be fitted, so no split finds anything. Of four, three would have to: with two gone, it is over.
+    /// Of a craft without it, no flight confirms the effect by itself: no search is begun.
     #[test]
-    fn splits_end_where_too_few_are_left_for_most() {
-        let flights = prepared(&truth(), 1..2, 4.0, &ORDINARY);
-        let empty =
-            ["A", "B", "C", "D"].map(|name| Prepared { name: name.into(), ..flights[0].without_stretches() });
-        let empty: Vec<&Prepared> = empty.iter().collect();
-        let (before, options, listening) = (lost(Effect::Tether), Options::default(), Listening::default());
-        let after = or_by_other_splits(before.clone(), &truth(), &empty, &options, &listening).unwrap();
+    fn effects_that_no_flight_confirms_by_itself_are_not_searched_for() {
+        let effect = Effect::QuadraticYawDamping;
+        let flights = prepared(&truth(), 60..64, 8.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        assert!((0..4).all(|k| Split::new(&flights, k).promising(&truth(), &[effect]).is_empty()));
+        let (before, listening) = (lost(effect), Listening::default());
+        let after =
+            or_by_other_splits(before.clone(), &truth(), &flights, &only(effect), &listening).unwrap();
         assert_eq!(after, before);
-        assert_eq!(*listening.0.lock().unwrap(), ["A held out", "B held out"]);
+        assert!(listening.0.lock().unwrap().is_empty());
+    }
+
+    /// The craft of the first two has it: what would be the effect of all leaves much of it.
+    #[test]
+    fn an_effect_of_some_flights_leaves_too_much_to_be_promising() {
+        let effect = Effect::QuadraticYawDamping;
+        let mut world = truth();
+        world.set(effect, &[-1.0]);
+        let with = prepared(&world, 60..62, 8.0, &ORDINARY);
+        let flights: Vec<Prepared> =
+            with.into_iter().chain(prepared(&truth(), 62..64, 8.0, &ORDINARY)).collect();
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        assert!((0..4).all(|k| Split::new(&flights, k).promising(&truth(), &[effect]).is_empty()));
+    }
+
+    /// Flights without rows cannot be fitted.
+    #[test]
+    fn a_split_without_a_base_model_promises_nothing() {
+        let empty =
+            prepared(&truth(), 1..3, 4.0, &ORDINARY).into_iter().map(|flight| flight.without_stretches());
+        let empty: Vec<Prepared> = empty.collect();
+        let split = Split::new(&empty.iter().collect::<Vec<_>>(), 0);
+        assert!(split.promising(&truth(), &[Effect::Tether]).is_empty());
+    }
+
+    /// A load is searched for over its shapes.
+    #[test]
+    fn an_effect_without_a_way_from_zero_is_promising_where_it_is() {
+        let mut world = truth();
+        world.set(Effect::SlungLoad, &[0.05, 0.4, 0.05]);
+        let of = |world: &Model| prepared(world, 40..43, 12.0, &ORDINARY);
+        for (flights, expected) in [(of(&world), vec![Effect::SlungLoad]), (of(&truth()), vec![])] {
+            let flights: Vec<&Prepared> = flights.iter().collect();
+            assert_eq!(Split::new(&flights, 2).promising(&truth(), &[Effect::SlungLoad]), expected);
+        }
     }
 
     /// One that was found, one that is not certain, and one of more flights than are few are not asked about again.
