@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use model::{Followed, Lag, LagId, Model, Quantity, RotorQuantity, Sample, user_effects};
+use model::{Axis, Followed, Lag, LagId, Model, Quantity, RotorQuantity, Sample, user_effects};
 use report::number::significant;
 use sysid::prepare::Prepared;
 use sysid::statistics::correlation;
@@ -145,6 +145,13 @@ impl Variable {
     /// What it looks back at.
     pub(crate) fn lags(&self) -> impl Iterator<Item = LagId> {
         self.lags.iter().flatten().copied()
+    }
+
+    /// Whether it is the quantity whose slope an axis is, so short a time ago that the difference to what it is now is that slope: a model
+    /// that damps the axis predicts by it what it is to explain.
+    pub(crate) fn is_slope_along(&self, axis: Axis) -> bool {
+        let Source::Lagged(quantity, chosen) = self.source else { return false };
+        quantity.name == axis.name() && chosen.time_s().is_some_and(|time_s| time_s < LAGS_S[0])
     }
 
     /// Time of its lag, or of each of two, s.
@@ -552,6 +559,12 @@ mod tests {
             let own = all.iter().find(|v| v.name == name && v.chosen().is_some()).expect(name);
             own.relatives(&all, Grid::Fine).into_iter().map(|k| &all[k]).collect::<Vec<_>>()
         };
+        // The shortest lag that is searched is none yet.
+        let lagged = all.iter().find(|v| v.quantities() == ["q"] && v.lag_s() == Some(LAGS_S[0])).unwrap();
+        let shorter = lagged.with_time_times(0.5).unwrap();
+        let is_slope = |variable: &Variable| model::AXES.map(|axis| variable.is_slope_along(axis));
+        assert_eq!(is_slope(lagged), [false; 6]);
+        assert_eq!(is_slope(&shorter), [false, false, false, false, true, false]);
         // Of a place along a bearing: places along others.
         let places = relatives_of("place");
         assert!(!places.is_empty() && places.iter().all(|v| v.quantities() == ["east", "north"]));

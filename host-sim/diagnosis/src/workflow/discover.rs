@@ -126,6 +126,10 @@ fn discover_beyond(
         match hunt.next_term(&rest, found, &terms) {
             Next::Term(found) => {
                 let (term, with) = hunt.remembering(&rest, &terms, *found);
+                if let Some(why) = hunt.is_slope(&term.form) {
+                    refused = Some(why);
+                    break;
+                }
                 terms.push(term);
                 rest = validated(with.fit.clone(), &sets.validate()).map_err(|why| sets.blame(why))?;
                 left = left_by(&rest);
@@ -275,6 +279,16 @@ impl Hunt<'_> {
             Ok(addition) if addition.finding.supported => (better, addition),
             _ => (term, with),
         }
+    }
+
+    /// Why a form explains nothing: what it remembers says how fast the quantity changes, which is what it is to explain.
+    fn is_slope(&self, form: &Form) -> Option<String> {
+        let along =
+            |variable: &Variable| form.channel.axes().iter().any(|axis| variable.is_slope_along(*axis));
+        let mut variables = form.factors.iter().map(|factor| &self.variables[factor.variable]);
+        variables.any(along).then(|| {
+            format!("{}: that is how fast it changes, and no cause of it", short(form, &self.variables))
+        })
     }
 
     /// The terms as one proposal, and their rivals as others; and the model with the first. `last` is what came of the last term.
