@@ -1,7 +1,8 @@
 //! Fits, what they predict of flights held out, and what an effect gains there.
 
 use model::{Axis, AxisError, Effect, Model, PerAxis};
-use sysid::fit::{check_residuals, slung_load};
+use sysid::fit::starts::Demand;
+use sysid::fit::{check_residuals, fit_if, slung_load};
 use sysid::prepare::Prepared;
 use sysid::statistics::Blocks;
 use sysid::{Fit, FitError, Residuals, errors, has_rotation, residuals};
@@ -26,6 +27,16 @@ pub(crate) fn fit_and_validate(
     validate: &[&Prepared],
 ) -> Result<Validated, FitError> {
     validated(sysid::fit(train, &model.vehicle, effects, Some(model))?, validate)
+}
+
+/// A model with more effects, of which nothing is known.
+pub(crate) fn fit_more(
+    from: &Model,
+    members: &[Effect],
+    (train, validate): (&[&Prepared], &[&Prepared]),
+) -> Result<Validated, FitError> {
+    let effects = [from.effects().as_slice(), members].concat();
+    validated(fit_if(train, &from.vehicle, &effects, Some(from), Demand::Promising)?, validate)
 }
 
 /// What a fit predicts of the held-out flights.

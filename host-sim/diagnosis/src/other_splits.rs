@@ -3,15 +3,13 @@
 //! out once, and what most of these diagnoses find is found.
 
 use model::{Effect, Model};
-use sysid::fit::fit_if;
-use sysid::fit::starts::Demand;
 use sysid::prepare::Prepared;
 
 use crate::conclusion::conclude;
 use crate::criteria::{Left, SIGNIFICANCE, stand_in};
 use crate::diagnose::{diagnose_with, excess};
 use crate::finding::{Diagnosis, EffectFinding};
-use crate::held_out::{examine, fit_and_validate, validated};
+use crate::held_out::{examine, fit_and_validate, fit_more};
 use crate::observer::Observer;
 use crate::options::Options;
 use crate::reason::Reason;
@@ -111,9 +109,7 @@ impl<'a> Split<'a> {
         };
         let noise_before = excess(&base, flights.1);
         let is_promising = |effect: &Effect| {
-            let with = [model.effects().as_slice(), &[*effect]].concat();
-            let fit = fit_if(flights.0, &model.vehicle, &with, Some(&base.fit.model), Demand::Promising);
-            fit.and_then(|fit| validated(fit, flights.1)).is_ok_and(|with| {
+            fit_more(&base.fit.model, &[*effect], flights).is_ok_and(|with| {
                 let finding = examine(&base, &with, *effect, flights, 1);
                 let incomplete = incomplete(&noise_before, &excess(&with, flights.1));
                 let left = Left { unexplained: &[], incomplete, answers_late: false };
@@ -126,6 +122,7 @@ impl<'a> Split<'a> {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
     use std::sync::Mutex;
 
     use super::*;
@@ -157,18 +154,39 @@ mod tests {
         Options { without: Effect::candidates().filter(|other| *other != effect).collect() }
     }
 
-    /// A craft that the air brakes in yaw with -1.0 r |r| besides, which each flight shows by itself.
+    /// Flights of a craft that the air brakes in yaw with -1.0 r |r| besides, which each shows by itself.
+    fn braked_in_yaw(seeds: Range<u64>) -> Vec<Prepared> {
+        let mut world = truth();
+        world.set(Effect::QuadraticYawDamping, &[-1.0]);
+        prepared(&world, seeds, 8.0, &ORDINARY)
+    }
+
     #[test]
     fn an_effect_that_the_flights_held_out_in_turn_confirm_is_found() {
         let effect = Effect::QuadraticYawDamping;
-        let mut world = truth();
-        world.set(effect, &[-1.0]);
-        let flights = prepared(&world, 60..63, 8.0, &ORDINARY);
+        let flights = braked_in_yaw(60..63);
         let flights: Vec<&Prepared> = flights.iter().collect();
         assert!((0..3).all(|k| Split::new(&flights, k).promising(&truth(), &[effect]) == [effect]));
         let found = or_by_other_splits(lost(effect), &truth(), &flights, &only(effect), &Silent).unwrap();
         assert_eq!(found.best(), Some(effect));
         assert_eq!(found.effects[0].reason, Reason::OnOtherSplits { found: 3, of: 3 });
+    }
+
+    /// Each flight confirms the effect by itself, but the searches look for another. Of four, three would have to find it: with two gone,
+    /// it is over.
+    #[test]
+    fn splits_end_where_too_few_are_left_for_most() {
+        let effect = Effect::QuadraticYawDamping;
+        let flights: Vec<Prepared> = braked_in_yaw(60..64)
+            .into_iter()
+            .zip(["A", "B", "C", "D"])
+            .map(|(flight, name)| Prepared { name: name.into(), ..flight })
+            .collect();
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let (before, options, listening) = (lost(effect), only(Effect::MotorLag), Listening::default());
+        let after = or_by_other_splits(before.clone(), &truth(), &flights, &options, &listening).unwrap();
+        assert_eq!(after, before);
+        assert_eq!(*listening.0.lock().unwrap(), ["A held out", "B held out"]);
     }
 
     /// Of a craft without it, no flight confirms the effect by itself: no search is begun.
@@ -189,11 +207,8 @@ mod tests {
     #[test]
     fn an_effect_of_some_flights_leaves_too_much_to_be_promising() {
         let effect = Effect::QuadraticYawDamping;
-        let mut world = truth();
-        world.set(effect, &[-1.0]);
-        let with = prepared(&world, 60..62, 8.0, &ORDINARY);
-        let flights: Vec<Prepared> =
-            with.into_iter().chain(prepared(&truth(), 62..64, 8.0, &ORDINARY)).collect();
+        let without = prepared(&truth(), 62..64, 8.0, &ORDINARY);
+        let flights: Vec<Prepared> = braked_in_yaw(60..62).into_iter().chain(without).collect();
         let flights: Vec<&Prepared> = flights.iter().collect();
         assert!((0..4).all(|k| Split::new(&flights, k).promising(&truth(), &[effect]).is_empty()));
     }

@@ -13,15 +13,14 @@ use std::cell::OnceCell;
 use model::{Effect, Kind, Model};
 
 use crate::finding::{EffectFinding, supported};
-use crate::held_out::{Validated, examine, fit_and_validate, validated};
+use crate::held_out::{Validated, examine, fit_and_validate, fit_more};
 use crate::observer::{Observer, Progress};
 use crate::reason::{Reason, joined};
 use crate::screen::Screen;
 use crate::search_error::{SearchError, Steps, going_on};
 use crate::significance::effect_p_value;
 use crate::subsets::Subset;
-use sysid::fit::starts::Demand;
-use sysid::fit::{fit_if, produces_thrust};
+use sysid::fit::produces_thrust;
 use sysid::prepare::Prepared;
 use sysid::{Fit, FitError};
 
@@ -116,10 +115,7 @@ impl<'a> Search<'a> {
 
     /// A model with more effects, of which nothing is known.
     pub(crate) fn more(&self, from: &Validated, members: &[Effect]) -> Result<Validated, FitError> {
-        let model = &from.fit.model;
-        let effects = [model.effects().as_slice(), members].concat();
-        let fit = fit_if(self.train, &model.vehicle, &effects, Some(model), Demand::Promising)?;
-        validated(fit, self.validate)
+        fit_more(&from.fit.model, members, (self.train, self.validate))
     }
 
     /// Candidates.

@@ -126,7 +126,7 @@ fn discover_beyond(
         match hunt.next_term(&rest, found, &terms) {
             Next::Term(found) => {
                 let (term, with) = hunt.remembering(&rest, &terms, *found);
-                if let Some(why) = hunt.is_slope(&term.form) {
+                if let Some(why) = hunt.why_no_cause(&term.form) {
                     refused = Some(why);
                     break;
                 }
@@ -282,7 +282,7 @@ impl Hunt<'_> {
     }
 
     /// Why a form explains nothing: what it remembers says how fast the quantity changes, which is what it is to explain.
-    fn is_slope(&self, form: &Form) -> Option<String> {
+    fn why_no_cause(&self, form: &Form) -> Option<String> {
         let along =
             |variable: &Variable| form.channel.axes().iter().any(|axis| variable.is_slope_along(*axis));
         let mut variables = form.factors.iter().map(|factor| &self.variables[factor.variable]);
