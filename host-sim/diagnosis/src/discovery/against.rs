@@ -1,14 +1,16 @@
 //! What the rows of forms are held against.
 
-use nalgebra::DMatrix;
+use std::ops::Range;
+
+use nalgebra::{DMatrix, DMatrixView, Dyn};
 
 use crate::discovery::problem::Problem;
 
 /// What columns are held against on each axis: the basis of what the model takes, then residuals. The first of these is that which the
 /// model leaves, the others have its colour and random phases.
 pub(crate) struct Against {
-    /// Columns: the vectors of the basis that differ from zero on the axis, then the residuals. In single precision, as are the hats that
-    /// are held against them: a search forms far more of these than are ever fitted.
+    /// The vectors of the basis that differ from zero on the axis, then the residuals, side by side: a column for each row of the problem. In
+    /// single precision, as are the hats that are held against them: a search forms far more of these than are ever fitted.
     pub(crate) axes: [DMatrix<f32>; 6],
     /// Which vectors of the basis these are.
     pub(crate) of_basis: [Vec<usize>; 6],
@@ -27,14 +29,26 @@ impl Against {
             for (k, other) in others.iter().enumerate() {
                 all.column_mut(own + k + 1).copy_from_slice(&other[axis]);
             }
-            all.cast()
+            all.transpose().cast()
         });
         let of_basis = std::array::from_fn(|axis| problem.basis(axis).of.clone());
         Self { axes, of_basis, taken: problem.taken }
     }
 
     pub(crate) fn residuals(&self) -> usize {
-        self.axes[0].ncols() - self.of_basis[0].len()
+        self.count(0) - self.of_basis[0].len()
+    }
+
+    /// Columns on an axis.
+    pub(crate) fn count(&self, axis: usize) -> usize {
+        self.axes[axis].nrows()
+    }
+
+    /// Some rows of the columns on an axis.
+    pub(crate) fn rows(&self, axis: usize, rows: Range<usize>) -> DMatrixView<'_, f32, Dyn, Dyn> {
+        let count = self.count(axis);
+        let values = &self.axes[axis].as_slice()[rows.start * count..rows.end * count];
+        DMatrixView::from_slice_with_strides(values, rows.len(), count, count, 1)
     }
 }
 
@@ -60,7 +74,7 @@ mod tests {
         let mut products = DMatrix::<f32>::zeros(taken + 2, taken + 2);
         for (columns, of_basis) in against.axes.iter().zip(&against.of_basis) {
             let places: Vec<usize> = of_basis.iter().copied().chain([taken, taken + 1]).collect();
-            let own = columns.tr_mul(columns);
+            let own = columns * columns.transpose();
             for (row, place) in places.iter().enumerate() {
                 places.iter().enumerate().for_each(|(k, of)| products[(*place, *of)] += own[(row, k)]);
             }

@@ -262,7 +262,7 @@ impl CrossProducts {
                     rows.row_mut(place).iter_mut().zip(column).for_each(|(value, own)| *value = *own as f32);
                 }
             }
-            products.axes[axis].add((rows.as_slice(), &(0..hats.count)), &against.axes[axis], 0);
+            products.axes[axis].add((rows.as_slice(), &(0..hats.count)), (against, axis), 0);
         }
         Some((Cow::Owned(taking.forms), products))
     }
@@ -293,7 +293,7 @@ impl CrossProducts {
             OfAxis {
                 hats,
                 forms: ranges.iter().enumerate().filter_map(of_form).collect(),
-                against: DMatrix::zeros(own.len() * hats, against.axes[axis].ncols()),
+                against: DMatrix::zeros(own.len() * hats, against.count(axis)),
             }
         });
         Self { axes, hats, parameters: ranges }
@@ -322,7 +322,7 @@ impl CrossProducts {
                     let width = parameters * hats.len();
                     problem.whiten_rows((flight, axis), (&mut *rows, width), (past, first));
                     let behind = (&rows[past * width..], &hats);
-                    self.axes[axis].add(behind, &against.axes[axis], range.start + first);
+                    self.axes[axis].add(behind, (against, axis), range.start + first);
                 }
                 first += count;
             }
@@ -352,14 +352,19 @@ impl CrossProducts {
 
 impl OfAxis {
     /// Adds rows of some hats, one value after the other, the first of them row `first` of all.
-    fn add(&mut self, (rows, hats): (&[f32], &Range<usize>), against: &DMatrix<f32>, first: usize) {
+    fn add(
+        &mut self,
+        (rows, hats): (&[f32], &Range<usize>),
+        (against, axis): (&Against, usize),
+        first: usize,
+    ) {
         let width = self.against.nrows() / self.hats * hats.len();
         if width == 0 {
             return;
         }
         let count = rows.len() / width;
         let all = DMatrixView::from_slice(rows, width, count);
-        let sums = all * against.rows(first, count);
+        let sums = all * against.rows(axis, first..first + count);
         for parameter in 0..width / hats.len() {
             let mut own = self.against.rows_mut(parameter * self.hats + hats.start, hats.len());
             own += sums.rows(parameter * hats.len(), hats.len());

@@ -189,7 +189,7 @@ mod tests {
         let residuals = random(60, 2);
         let residuals = &residuals - &model * model.tr_mul(&residuals);
         let against = Against {
-            axes: std::array::from_fn(|_| DMatrix::zeros(60, 2)),
+            axes: std::array::from_fn(|_| DMatrix::zeros(2, 60)),
             of_basis: std::array::from_fn(|_| Vec::new()),
             taken: 2,
         };

@@ -89,11 +89,46 @@ impl Whitening {
 /// Takes out of a row what those before it predict, the nearest at the end of `past`; the rest times `scale`.
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
 fn take_out_predicted(row: &mut [f32], past: &[f32], a: &[f64], scale: f32) {
-    for (a, before) in a.iter().zip(past.rchunks_exact(row.len())) {
-        let a = *a as f32;
-        row.iter_mut().zip(before).for_each(|(value, before)| *value -= a * before);
+    let width = row.len();
+    let mut coefficients = [0.0; ORDER];
+    coefficients.iter_mut().zip(a).for_each(|(own, a)| *own = *a as f32);
+    let mut first = 0;
+    // As many values at once as registers hold.
+    let (many, rest) = row.as_chunks_mut::<64>();
+    for values in many {
+        take_out(values, (past, width), &coefficients[..a.len()], (first, scale));
+        first += values.len();
     }
-    row.iter_mut().for_each(|value| *value *= scale);
+    let (some, rest) = rest.as_chunks_mut::<16>();
+    for values in some {
+        take_out(values, (past, width), &coefficients[..a.len()], (first, scale));
+        first += values.len();
+    }
+    let (few, rest) = rest.as_chunks_mut::<4>();
+    for values in few {
+        take_out(values, (past, width), &coefficients[..a.len()], (first, scale));
+        first += values.len();
+    }
+    for value in rest.as_chunks_mut::<1>().0 {
+        take_out(value, (past, width), &coefficients[..a.len()], (first, scale));
+        first += 1;
+    }
+}
+
+/// The same for some values of a row, from its value `first` on.
+#[inline(always)]
+fn take_out<const VALUES: usize>(
+    row: &mut [f32; VALUES],
+    (past, width): (&[f32], usize),
+    a: &[f32],
+    (first, scale): (usize, f32),
+) {
+    let mut left = *row;
+    for (a, before) in a.iter().zip(past.rchunks_exact(width)) {
+        let Some(before) = before[first..].first_chunk::<VALUES>() else { return };
+        left.iter_mut().zip(before).for_each(|(value, before)| *value -= a * before);
+    }
+    *row = left.map(|value| value * scale);
 }
 
 /// Autocovariance at multiples of `stride` samples of unit white noise behind taps.
@@ -166,23 +201,27 @@ mod tests {
         assert!(white.iter().zip(expected).all(|(w, e)| (w - e).abs() < 1e-12), "{white:?}");
     }
 
+    /// So many that they are taken 64, 16, 4 and 1 at a time, and fewer.
     #[test]
     fn signals_side_by_side_become_what_each_becomes_by_itself() {
         let covariance: Vec<f64> = (0..=ORDER).map(|lag| 0.7_f64.powi(lag as i32)).collect();
         let whitening = Whitening::new(&covariance);
-        let signal = |k: usize| (0..40).map(|row| (0.1 * (row * row + 3 * k) as f64).sin()).collect();
-        let signals: [Vec<f64>; 3] = std::array::from_fn(signal);
-        let mut rows: Vec<f32> = (0..40).flat_map(|row| signals.each_ref().map(|s| s[row] as f32)).collect();
         let starts = [0, 17];
-        // All at once, and the last 15 behind the 25 before them.
-        let mut last = rows.clone();
-        whitening.apply_to_rows((&mut last, 3), (25, 25), &starts, 2.0);
-        whitening.apply_to_rows((&mut rows, 3), (0, 0), &starts, 2.0);
-        assert_eq!(last[75..], rows[75..]);
-        for (k, signal) in signals.iter().enumerate() {
-            let white = whitening.apply(signal, &[0, 17]);
-            let own = rows.iter().skip(k).step_by(3);
-            assert!(own.zip(white).all(|(row, white)| (f64::from(*row) - 2.0 * white).abs() < 1e-6));
+        for width in [3, 64 + 16 + 4 + 1] {
+            let signal = |k: usize| (0..40).map(|row| (0.1 * (row * row + 3 * k) as f64).sin()).collect();
+            let signals: Vec<Vec<f64>> = (0..width).map(signal).collect();
+            let mut rows: Vec<f32> =
+                (0..40).flat_map(|row| signals.iter().map(move |s| s[row] as f32)).collect();
+            // All at once, and the last 15 behind the 25 before them.
+            let mut last = rows.clone();
+            whitening.apply_to_rows((&mut last, width), (25, 25), &starts, 2.0);
+            whitening.apply_to_rows((&mut rows, width), (0, 0), &starts, 2.0);
+            assert_eq!(last[25 * width..], rows[25 * width..]);
+            for (k, signal) in signals.iter().enumerate() {
+                let white = whitening.apply(signal, &starts);
+                let own = rows.iter().skip(k).step_by(width);
+                assert!(own.zip(white).all(|(row, white)| (f64::from(*row) - 2.0 * white).abs() < 1e-6));
+            }
         }
     }
 

@@ -60,11 +60,15 @@ pub(crate) fn assemble(
                 (all_targets(), flight.columns(linear, model, stride, None))
             } else {
                 let about = About::new(flight, model, (linear, adjusting), stride, begun);
-                let Residuals { residual, .. } = about.residuals;
+                let Residuals { measured, residual } = about.residuals;
                 sums.add(&slow::less(flight, stride, &residual), model);
                 begun.begun = about.begun;
-                let targets =
-                    if adds { less_added(residual, model, linear, &about.columns) } else { all_targets() };
+                let targets = match adds {
+                    true => less_added(residual, model, linear, &about.columns),
+                    // A model that says nothing of the rotation is fitted to it all the same.
+                    false if !has_rotation(model) => all_targets(),
+                    false => measured,
+                };
                 (targets, about.columns)
             };
             flight.rows_of_fit(targets, columns)
