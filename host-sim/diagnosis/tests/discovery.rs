@@ -28,7 +28,9 @@ fn discovered_of(world: &Model, first: u64) -> Discovery {
     let mut sets =
         FlightSets::from_flights(&train, &validate, &vehicle, Reading::default(), &Silent).unwrap();
     let model = sysid::fit(&sets.train(), &vehicle, &truth().effects(), None).unwrap().model;
-    discover(&model, &[], &mut sets, &Options::default(), &Silent).unwrap()
+    let found = discover(&model, &[], &mut sets, &Options::default(), &Silent).unwrap();
+    assert!(found.proposals.iter().all(|proposal| proposal.finding.supported), "flights held out disagree");
+    found
 }
 
 /// The true model with an effect of a user hidden in it.

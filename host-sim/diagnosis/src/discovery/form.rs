@@ -407,6 +407,12 @@ impl Form {
         let shape = Shape { family: crate::discovery::shapes::Family::Bump, parameters: [0.5; 2] };
         Self { channel: Channel::Horizontal, factors: vec![Factor { variable, shape }] }
     }
+
+    /// A force along an axis of the room in proportion to a variable: one amplitude and no parameter.
+    pub(crate) fn in_proportion(axis: usize, variable: usize) -> Self {
+        let shape = Shape { family: crate::discovery::shapes::Family::Proportional, parameters: [0.0; 2] };
+        Self { channel: Channel::Earth(axis), factors: vec![Factor { variable, shape }] }
+    }
 }
 
 #[cfg(test)]

@@ -22,7 +22,7 @@ use crate::discovery::refine::Refined;
 use crate::discovery::variables::Variable;
 use crate::discovery::words::{formula, known_physics, sentence, short, to_fly};
 use crate::discovery::{Discovery, DiscoveryVerdict, FlightFall, FormNumber, Proposal};
-use crate::finding::{CoefficientFigures, EffectFinding};
+use crate::finding::{CoefficientFigures, EffectFinding, Unexplained};
 use crate::held_out::{Validated, fit_and_validate, validated};
 use crate::noise::squares_of_noise;
 use crate::observer::{Observer, Progress};
@@ -108,11 +108,10 @@ fn discover_beyond(
 ) -> Result<Discovery, WorkflowError> {
     let variables = Variable::all(&sets.train(), model);
     let mut hunt = Hunt { model, sets, variables, options, observer };
-    let mut terms: Vec<Refined> = Vec::new();
     let known_fit = hunt.fitted(model)?;
     let left_by = |rest: &Validated| what_is_left(rest, &sets.train(), &sets.validate()).unexplained;
-    let mut left = left_by(&known_fit);
-    let (mut rest, mut last, mut refused) = (known_fit.clone(), None, None);
+    let mut terms = Terms { left: vec![left_by(&known_fit)], ..Terms::default() };
+    let (mut rest, mut refused) = (known_fit.clone(), None);
     let found = candidates(&sets.train(), model, &hunt.variables, observer);
     let mut further: Option<Candidates> = None;
     loop {
@@ -123,17 +122,15 @@ fn discover_beyond(
         if !found.are_significant() {
             break;
         }
-        match hunt.next_term(&rest, found, &terms) {
+        match hunt.next_term(&rest, found, &terms.forms) {
             Next::Term(found) => {
-                let (term, with) = hunt.remembering(&rest, &terms, *found);
+                let (term, with) = hunt.remembering(&rest, &terms.forms, *found);
                 if let Some(why) = hunt.why_no_cause(&term.form) {
                     refused = Some(why);
                     break;
                 }
-                terms.push(term);
                 rest = validated(with.fit.clone(), &sets.validate()).map_err(|why| sets.blame(why))?;
-                left = left_by(&rest);
-                last = Some(with);
+                terms.join(term, with, left_by(&rest));
             }
             Next::Refused(why) => {
                 refused = Some(why);
@@ -141,12 +138,13 @@ fn discover_beyond(
             }
         }
         // Where nothing is left, no further term is looked for.
-        if terms.len() == MOST_TERMS || left.is_empty() {
+        if terms.forms.len() == MOST_TERMS || terms.left.last().is_some_and(Vec::is_empty) {
             break;
         }
         further = Some(candidates(&sets.train(), &rest.fit.model, &hunt.variables, observer));
     }
-    let (proposals, model) = hunt.proposals(&known_fit, &terms, last, &found)?;
+    let (proposals, model) = hunt.proposals(&known_fit, &mut terms, &found)?;
+    let left = terms.left.pop().unwrap_or_default();
     let verdict = match (proposals.is_empty(), left.is_empty()) {
         (false, _) => DiscoveryVerdict::Proposed,
         (true, true) => DiscoveryVerdict::Nothing,
@@ -154,6 +152,43 @@ fn discover_beyond(
     };
     let refused = refused.filter(|_| verdict == DiscoveryVerdict::NotAFormula);
     Ok(Discovery { proposals, verdict, known, refused, left, search_p_value: found.p_value, model })
+}
+
+/// Terms that hold, one after the other.
+#[derive(Default)]
+struct Terms {
+    forms: Vec<Refined>,
+    /// The effects that these are in the model with all of them.
+    effects: Vec<Effect>,
+    /// What is left of the flights without any, with the first, with the first two, and so on.
+    left: Vec<Vec<Unexplained>>,
+    /// The first by itself.
+    first: Option<Addition>,
+}
+
+impl Terms {
+    /// Takes in a further term, which came of a fit beside those before it.
+    fn join(&mut self, term: Refined, with: Addition, left: Vec<Unexplained>) {
+        self.forms.push(term);
+        self.effects.push(with.finding.effect);
+        self.left.push(left);
+        if self.forms.len() == 1 {
+            self.first = Some(with);
+            return;
+        }
+        // Beside it, those before it fit best elsewhere: from where they were, a fit of all may lead astray.
+        for (form, effect) in self.forms.iter_mut().zip(&self.effects) {
+            let fitted = with.fit.model.term(*effect).map_or(&[][..], |term| &term.coefficients);
+            *form = with_values(std::slice::from_ref(form), fitted.iter().map(|own| own.value)).remove(0);
+        }
+    }
+
+    /// Drops the last one.
+    fn drop_last(&mut self) {
+        self.forms.pop();
+        self.effects.pop();
+        self.left.pop();
+    }
 }
 
 /// The name of a term that is judged after so many others.
@@ -291,19 +326,27 @@ impl Hunt<'_> {
         })
     }
 
-    /// The terms as one proposal, and their rivals as others; and the model with the first. `last` is what came of the last term.
+    /// The terms as one proposal, and their rivals as others; and the model with the first. The last terms are dropped where
+    /// all together do not hold.
     fn proposals(
         &self,
         about: &Validated,
-        terms: &[Refined],
-        last: Option<Addition>,
+        terms: &mut Terms,
         found: &Candidates,
     ) -> Result<(Vec<Proposal>, Model), WorkflowError> {
-        let Some(first) = terms.first() else { return Ok((Vec::new(), self.model.clone())) };
-        // One term by itself is fitted already.
-        let known = last.filter(|_| terms.len() == 1);
-        let rivals = rivals(&found.refined, first, &self.variables);
-        let (proposal, model) = self.propose((about, known), FIRST, (terms, &rivals[..]), found)?;
+        let Some(first) = terms.forms.first().cloned() else { return Ok((Vec::new(), self.model.clone())) };
+        let rivals = rivals(&found.refined, &first, &self.variables);
+        let (proposal, model) = loop {
+            // One term by itself is fitted already.
+            let known = terms.first.clone().filter(|_| terms.forms.len() == 1);
+            let all = (&terms.forms[..], &rivals[..]);
+            match self.propose((about, known), FIRST, all, found) {
+                Ok(proposed) if proposed.0.finding.supported => break proposed,
+                answer if terms.forms.len() == 1 => break answer?,
+                // Each held beside those before it. If all of them as one effect do not, fewer may.
+                _ => terms.drop_last(),
+            }
+        };
         let mut proposals = vec![proposal];
         for rival in rivals.into_iter().take(RIVALS_JUDGED) {
             let id = format!("discovered-{}", proposals.len() + 1);
@@ -470,6 +513,60 @@ pub fn effects_file(proposals: &[Proposal]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{ORDINARY, fly, truth};
+    use crate::workflow::{Reading, Silent};
+
+    /// A spring along an axis of the room to the place of take-off.
+    fn spring(axis: usize, name: &str, variables: &[Variable]) -> Refined {
+        let variable = variables.iter().position(|variable| variable.name == name).unwrap();
+        let form = Form::in_proportion(axis, variable);
+        Refined { form, amplitudes: vec![-0.1], gain_left_out: 1.0, improved: 2 }
+    }
+
+    /// Springs of 0.8 N/m along north and 0.5 N/m along east. One along north once more is none: no fit tells it from the first.
+    #[test]
+    fn terms_go_on_from_where_they_fit_together_and_are_dropped_where_they_do_not() {
+        let text = "[[effect]]\nid = \"springs\"\nacceleration.north = \"k * north / mass\"\n\
+                    acceleration.east = \"l * east / mass\"\n\
+                    coefficient = [{ name = \"k\", unit = \"N/m\", possible = [-9.0, 9.0], typical = 1.0 }, \
+                    { name = \"l\", unit = \"N/m\", possible = [-9.0, 9.0], typical = 1.0 }]\n";
+        let [springs] = effects::draft(text, Path::new("test")).unwrap()[..] else { panic!("one effect") };
+        let mut world = truth();
+        world.set(Effect::User(springs), &[-0.8, -0.5]);
+        let flown = |seed| fly(&world, seed, 8.0, &ORDINARY);
+        let (train, validate) = ([50, 51].map(flown), [52].map(flown));
+        let sets = FlightSets::from_flights(&train, &validate, &truth().vehicle, Reading::default(), &Silent)
+            .unwrap();
+        let (model, options) = (truth(), Options::default());
+        let variables = Variable::all(&sets.train(), &model);
+        let hunt = Hunt { model: &model, sets: &sets, variables, options: &options, observer: &Silent };
+        let judge = |about: &Validated, id: &str, term: &Refined| {
+            let defined = define(id, DRAFT.into(), std::slice::from_ref(term), &hunt.variables);
+            hunt.judge(about, &defined).unwrap()
+        };
+        let [north, east] =
+            [(0, "north"), (1, "east")].map(|(axis, name)| spring(axis, name, &hunt.variables));
+        let about = hunt.fitted(&model).unwrap();
+        let first = judge(&about, &name_of_term(0), &north);
+        let rest = validated(first.fit.clone(), &sets.validate()).unwrap();
+        let second = judge(&rest, &name_of_term(1), &east);
+        let mut terms = Terms { left: vec![Vec::new()], ..Terms::default() };
+        terms.join(north.clone(), first.clone(), Vec::new());
+        terms.join(east, second, Vec::new());
+        let near =
+            |found: &[f64]| found.iter().zip([-0.8, -0.5]).all(|(own, value)| (own - value).abs() < 0.1);
+        let amplitudes: Vec<f64> = terms.forms.iter().flat_map(|form| form.amplitudes.clone()).collect();
+        assert!(near(&amplitudes), "{amplitudes:?}");
+
+        terms.join(north, first, Vec::new());
+        let found = Candidates { refined: Vec::new(), p_value: 0.0 };
+        let (proposals, model) = hunt.proposals(&about, &mut terms, &found).unwrap();
+        assert_eq!((terms.forms.len(), terms.left.len(), proposals.len()), (2, 3, 1));
+        assert!(proposals[0].finding.supported);
+        let values: Vec<f64> = proposals[0].coefficients.iter().map(|number| number.value).collect();
+        assert!(values.len() == 2 && near(&values), "{values:?}");
+        assert_eq!(model.terms.last().map(|term| term.coefficients.len()), Some(2));
+    }
 
     #[test]
     fn flights_held_out_are_asked_twice_of_an_axis_and_the_second_time_of_something_simpler() {
