@@ -5,8 +5,9 @@ use std::ops::Range;
 
 use model::{LagId, Sample, Sink};
 use nalgebra::{DMatrix, DMatrixView, Vector3};
+use sysid::fit::even_hats::EvenHats;
 use sysid::fit::terms::Terms;
-use sysid::fit::times_hats::{EvenHats, QuantitySignal, SomeRows, TermSignals};
+use sysid::fit::times_hats::{QuantitySignal, SomeRows, TermSignals};
 
 use crate::discovery::against::Against;
 use crate::discovery::center::Center;

@@ -4,7 +4,7 @@
 //! the residual costs a few products of numbers, so that all of them are tried on the residual and on residuals of random phases.
 
 use nalgebra::{DMatrix, DVector};
-use sysid::fit::times_hats::EvenHats;
+use sysid::fit::even_hats::EvenHats;
 
 use crate::discovery::against::Against;
 use crate::discovery::form::{Factor, Form};

@@ -10,7 +10,7 @@ use model::user_effects::{USUAL_COLUMNS, file_of, place_of_column};
 use model::{Axis, Effect, Model, effects};
 
 use crate::addition::add_to;
-use crate::criteria::{HELD_OUT_SIGNIFICANCE, SIGNIFICANCE};
+use crate::criteria::SIGNIFICANCE;
 use crate::diagnose::what_is_left;
 use crate::discovery::candidates::{Candidates, candidates};
 use crate::discovery::choice::{quantities, ranked, rivals};
@@ -26,6 +26,7 @@ use crate::finding::{CoefficientFigures, EffectFinding, Unexplained};
 use crate::held_out::{Validated, fit_and_validate, validated};
 use crate::noise::squares_of_noise;
 use crate::observer::{Observer, Progress};
+use crate::workflow::asked::{Asked, holds, questions};
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::estimates::{Estimated, estimated, with_values};
@@ -37,8 +38,6 @@ use crate::{Addition, Options};
 const MOST_TERMS: usize = 3;
 /// Forms that are looked at until one can be fitted with the model's own coefficients and holds on the flights held out.
 const FITTED: usize = 8;
-/// Forms of an axis that the flights held out are asked of at most.
-const MOST_QUESTIONS: usize = 2;
 /// Fits of a term with the levers of the model that came of the one before.
 const LEVER_STEPS: usize = 2;
 /// Rivals that are fitted and judged beside the first proposal.
@@ -201,27 +200,6 @@ enum Next {
     Term(Box<(Refined, Addition)>),
     /// Why there is none.
     Refused(String),
-}
-
-/// What the flights held out were asked of an axis: whether a form of so many numbers predicts them.
-struct Asked {
-    axis: Axis,
-    numbers: usize,
-}
-
-/// How many questions the flights held out are asked of some axes once they are asked of a form of so many numbers. Two are too many
-/// unless this one is simpler: what is fitted to the one flight that shows it may go astray in others, where something simpler does not.
-fn questions(axes: &[Axis], numbers: usize, asked: &[Asked]) -> Option<usize> {
-    let of = |axis: &Axis| asked.iter().filter(|before| before.axis == *axis).count();
-    let questions = 1 + axes.iter().map(of).max().unwrap_or(0);
-    let is_simpler = asked.iter().filter(|one| axes.contains(&one.axis)).all(|one| numbers < one.numbers);
-    (questions <= MOST_QUESTIONS && is_simpler).then_some(questions)
-}
-
-/// Whether a form is borne out by flights held out that were asked so many questions (Bonferroni).
-fn holds(addition: &Addition, questions: usize) -> bool {
-    let is_enough = |p_value: f64| p_value < HELD_OUT_SIGNIFICANCE / questions as f64;
-    addition.finding.supported && (questions == 1 || addition.finding.held_out_p_value.is_some_and(is_enough))
 }
 
 /// What is searched.
@@ -566,19 +544,5 @@ mod tests {
         let values: Vec<f64> = proposals[0].coefficients.iter().map(|number| number.value).collect();
         assert!(values.len() == 2 && near(&values), "{values:?}");
         assert_eq!(model.terms.last().map(|term| term.coefficients.len()), Some(2));
-    }
-
-    #[test]
-    fn flights_held_out_are_asked_twice_of_an_axis_and_the_second_time_of_something_simpler() {
-        let vertical: &[Axis] = &[Axis::W];
-        let forces: &[Axis] = &[Axis::U, Axis::V, Axis::W];
-        assert_eq!(questions(vertical, 5, &[]), Some(1));
-        let once = [Asked { axis: Axis::W, numbers: 5 }];
-        assert_eq!(questions(vertical, 3, &once), Some(2));
-        assert_eq!(questions(forces, 3, &once), Some(2), "one of its axes was asked");
-        assert_eq!(questions(vertical, 5, &once), None, "it is no simpler");
-        assert_eq!(questions(&[Axis::P], 7, &once), Some(1), "another axis");
-        let twice = [Asked { axis: Axis::W, numbers: 5 }, Asked { axis: Axis::W, numbers: 3 }];
-        assert_eq!(questions(vertical, 2, &twice), None);
     }
 }

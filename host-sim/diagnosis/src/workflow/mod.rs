@@ -7,6 +7,7 @@
 //! A caller passes an [`Observer`], which hears of progress and warnings and may cancel. Nothing here prints.
 
 mod add;
+mod asked;
 mod by_flight;
 mod changed;
 mod compare;

@@ -6,6 +6,7 @@ pub mod balance;
 pub mod closed_loop;
 mod doubts;
 mod error;
+pub mod even_hats;
 mod fitted;
 pub mod gauss_newton;
 pub mod gusts;
