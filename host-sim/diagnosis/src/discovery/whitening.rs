@@ -89,46 +89,33 @@ impl Whitening {
 /// Takes out of a row what those before it predict, the nearest at the end of `past`; the rest times `scale`.
 #[multiversion::multiversion(targets("x86_64+avx512f", "x86_64+avx2", "aarch64+neon"))]
 fn take_out_predicted(row: &mut [f32], past: &[f32], a: &[f64], scale: f32) {
-    let width = row.len();
     let mut coefficients = [0.0; ORDER];
     coefficients.iter_mut().zip(a).for_each(|(own, a)| *own = *a as f32);
-    let mut first = 0;
+    let by = (past, row.len(), &coefficients[..a.len()], scale);
     // As many values at once as registers hold.
-    let (many, rest) = row.as_chunks_mut::<64>();
-    for values in many {
-        take_out(values, (past, width), &coefficients[..a.len()], (first, scale));
-        first += values.len();
-    }
-    let (some, rest) = rest.as_chunks_mut::<16>();
-    for values in some {
-        take_out(values, (past, width), &coefficients[..a.len()], (first, scale));
-        first += values.len();
-    }
-    let (few, rest) = rest.as_chunks_mut::<4>();
-    for values in few {
-        take_out(values, (past, width), &coefficients[..a.len()], (first, scale));
-        first += values.len();
-    }
-    for value in rest.as_chunks_mut::<1>().0 {
-        take_out(value, (past, width), &coefficients[..a.len()], (first, scale));
-        first += 1;
-    }
+    let rest = take_out::<64>(row, by);
+    let rest = take_out::<16>(rest, by);
+    let rest = take_out::<4>(rest, by);
+    take_out::<1>(rest, by);
 }
 
-/// The same for some values of a row, from its value `first` on.
+/// The same for the last values of a row, so many at once. Those at its end that are fewer are handed back.
 #[inline(always)]
-fn take_out<const VALUES: usize>(
-    row: &mut [f32; VALUES],
-    (past, width): (&[f32], usize),
-    a: &[f32],
-    (first, scale): (usize, f32),
-) {
-    let mut left = *row;
-    for (a, before) in a.iter().zip(past.rchunks_exact(width)) {
-        let Some(before) = before[first..].first_chunk::<VALUES>() else { return };
-        left.iter_mut().zip(before).for_each(|(value, before)| *value -= a * before);
+fn take_out<'a, const VALUES: usize>(
+    last: &'a mut [f32],
+    (past, width, a, scale): (&[f32], usize, &[f32], f32),
+) -> &'a mut [f32] {
+    let first = width - last.len();
+    let (groups, rest) = last.as_chunks_mut::<VALUES>();
+    for (group, values) in groups.iter_mut().enumerate() {
+        let mut left = *values;
+        for (a, before) in a.iter().zip(past.rchunks_exact(width)) {
+            let Some(before) = before[first + group * VALUES..].first_chunk::<VALUES>() else { break };
+            left.iter_mut().zip(before).for_each(|(value, before)| *value -= a * before);
+        }
+        *values = left.map(|value| value * scale);
     }
-    *row = left.map(|value| value * scale);
+    rest
 }
 
 /// Autocovariance at multiples of `stride` samples of unit white noise behind taps.
