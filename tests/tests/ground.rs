@@ -433,19 +433,23 @@ fn one_forged_datagram_of_the_tracker_changes_nothing() {
 
 #[test]
 fn a_thousand_forged_datagrams_of_the_tracker_a_second_change_nothing() {
-    let mut day = hovering();
-    let forger = UdpSocket::bind(HERE).unwrap();
-    forger.connect(day.vicon.address().unwrap()).unwrap();
-    let mut number = 1_000_000;
-    flies_on(&mut day, 1000, |day, _| {
-        for _ in 0..10 {
-            forger.send(&frame_of(number, &ELSEWHERE)).unwrap();
-            (number, day.forged) = (number + 1, day.forged + 1);
-        }
-    });
-    assert!(day.seen.iter().rev().take(1000).all(|seen| *seen == 1));
-    let refused = day.station.snapshot(0).tracker.refused;
-    assert!(refused >= 10_000, "{refused} are counted");
+    // From another port, and as from the tracker's own.
+    for is_own in [false, true] {
+        let mut day = hovering();
+        let forger = UdpSocket::bind(HERE).unwrap();
+        forger.connect(day.vicon.address().unwrap()).unwrap();
+        let forger = if is_own { day.tracker.try_clone().unwrap() } else { forger };
+        let mut number = 1_000_000;
+        flies_on(&mut day, 1000, |day, _| {
+            for _ in 0..10 {
+                forger.send(&frame_of(number, &ELSEWHERE)).unwrap();
+                (number, day.forged) = (number + 1, day.forged + 1);
+            }
+        });
+        assert!(day.seen.iter().rev().take(1000).all(|seen| *seen == 1), "{is_own}");
+        let refused = day.station.snapshot(0).tracker.refused;
+        assert!(refused >= 10_000, "{refused} are counted");
+    }
 }
 
 #[test]

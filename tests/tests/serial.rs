@@ -7,7 +7,8 @@
 //! clock stands still (`mcu::simulator`). By the machine's own clock the figure would be its
 //! scheduler's.
 //!
-//! `QUADLAB_SERIAL_S` says for how long; `cargo xtask test --nightly serial` flies ten minutes.
+//! `QUADLAB_SERIAL_S` says for how long, `QUADLAB_KEY` with which key the program was built; `cargo xtask test --nightly serial` flies
+//! with one, then ten minutes without.
 #![forbid(unsafe_code)]
 
 use std::io::{ErrorKind, Read, Write};
@@ -189,6 +190,12 @@ fn pattern(_: u64) -> Script {
     Scenario::Pattern.plan(&Settings::default()).script
 }
 
+/// The key that the program was built with, if it was.
+fn key() -> Option<proto::Key> {
+    let file = std::env::var_os("QUADLAB_KEY")?;
+    Some(proto_files::read_key(file.as_ref()).expect("the link's key"))
+}
+
 #[test]
 fn the_microcontroller_flies_missions_over_its_serial_lines_and_misses_no_tick() {
     let Some(program) = std::env::var_os("QUADLAB_CORTEX_M4_MCU").map(PathBuf::from) else {
@@ -210,7 +217,7 @@ fn the_microcontroller_flies_missions_over_its_serial_lines_and_misses_no_tick()
     let mut missions = Missions::new(pattern, 1, period_s);
     let mut board = Board::boot(&program);
     let mut ground =
-        Ground { end: GroundEnd::new(0, None, [7; 32]), deframer: Deframer::new(), sent: 0, refused: 0 };
+        Ground { end: GroundEnd::new(0, key(), [7; 32]), deframer: Deframer::new(), sent: 0, refused: 0 };
     let (mut deframer, mut ticks) = (Deframer::new(), Ticks::default());
     // A first byte: the board learns that there is a simulator.
     board.simulator.write_all(&[0]).unwrap();

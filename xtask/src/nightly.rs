@@ -4,6 +4,8 @@
 //! doing. A part whose tool is missing is skipped aloud.
 
 use std::ffi::OsString;
+use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 use std::process::Command;
 use std::sync::Mutex;
 use std::thread;
@@ -82,7 +84,7 @@ pub(crate) const PARTS: &[Step] = &[
     },
     Step {
         name: "monte-carlo",
-        about: "100,000 flights under drawn conditions: no more than two crashes that physics did not demand",
+        about: "100,000 flights under drawn conditions: no crash that physics did not demand",
         tools: &[],
         run: |_| sil(&["--monte-carlo", "100000"]),
     },
@@ -106,7 +108,7 @@ pub(crate) const PARTS: &[Step] = &[
     },
     Step {
         name: "serial",
-        about: "10 minutes of the microcontroller's program over serial lines in QEMU: no tick is missed",
+        about: "the microcontroller's program over serial lines in QEMU, with a key for its link, then 10 minutes without: no tick is missed",
         tools: &[],
         run: serial,
     },
@@ -203,10 +205,28 @@ fn serial(workspace: &Workspace) -> Result<Outcome> {
     if let Some(missing) = arm::missing(Target::CortexM4) {
         return Ok(Outcome::Skipped(missing));
     }
+    let fly = || {
+        let mut command = cargo(["test", "--workspace", "--test", "serial", "--", "--show-output"]);
+        command.envs(arm::variables(workspace));
+        command
+    };
+    let key = workspace::root().join("target/serial.key");
+    write_key(&key).with_context(|| format!("cannot write {}", key.display()))?;
+    arm::build_with_key(workspace, &key)?;
+    let mut keyed = fly();
+    keyed.env("QUADLAB_KEY", &key);
+    let mut tally = harness(keyed)?;
     arm::build(workspace, Target::CortexM4, "mcu", &["mcu"], &[])?;
-    let mut command = cargo(["test", "--workspace", "--test", "serial", "--", "--show-output"]);
-    command.envs(arm::variables(workspace)).env("QUADLAB_SERIAL_S", SERIAL_S.to_string());
-    Ok(Outcome::Ran(harness(command)?))
+    let mut long = fly();
+    long.env("QUADLAB_SERIAL_S", SERIAL_S.to_string());
+    tally.add(&harness(long)?);
+    Ok(Outcome::Ran(tally))
+}
+
+/// A key that protects nothing, as its owner's file.
+fn write_key(path: &Path) -> std::io::Result<()> {
+    std::fs::write(path, "5a".repeat(32))?;
+    std::fs::set_permissions(path, std::fs::Permissions::from_mode(0o600))
 }
 
 /// Runs commands that take one processor each, as many at a time as there are processors, and adds up what they count.

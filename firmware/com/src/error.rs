@@ -65,9 +65,11 @@ pub(crate) fn system<E: Into<io::Error>>(what: &'static str) -> impl FnOnce(E) -
     move |source| Error::System { what, source: source.into() }
 }
 
-/// Writes a line to standard error. A log that cannot be written any more is no reason to crash.
+/// Writes a line to standard error: one, whatever names and contents of files it quotes. A log that cannot be written any more is no
+/// reason to crash.
 pub fn log(line: &str) {
     use io::Write;
+    let line = plain_line::error_line(line);
     // In one write: the guardian and the loop share the stream, and their lines must not run into
     // each other.
     let _ = io::stderr().write_all(format!("com: {line}\n").as_bytes());

@@ -167,7 +167,7 @@ impl Autopilot {
         self.detectors.counters
     }
 
-    /// The motor, 0 to 3, that failed last; none after a request to disarm on the ground.
+    /// The motor, 0 to 3, that failed first; none after a request to disarm on the ground.
     pub fn failed_motor(&self) -> Option<u8> {
         self.aftermath.failed_motor
     }

@@ -287,7 +287,7 @@ impl Craft {
         self.autopilot.state()
     }
 
-    /// The motor, 0 to 3, that failed last, until the pilot has taken note of it.
+    /// The motor, 0 to 3, that failed first, until the pilot has taken note of it.
     pub fn failed_motor(&self) -> Option<u8> {
         self.autopilot.failed_motor()
     }

@@ -18,13 +18,24 @@ pub(crate) struct Header {
     pub(crate) scales: Vec<[f64; 2]>,
 }
 
-/// The names in a header row.
+/// A row of so many names is no header.
+pub(crate) const TOO_MANY: usize = 10_000;
+
+/// The names in a header row, [`TOO_MANY`] at most.
 pub(crate) fn names_in(line: &[u8]) -> Vec<String> {
     let text = String::from_utf8_lossy(line);
-    text.trim().split(',').map(|name| name.trim().trim_matches('"').to_owned()).collect()
+    let names = text.trim().split(',').take(TOO_MANY);
+    names.map(|name| name.trim().trim_matches('"').to_owned()).collect()
 }
 
 pub(crate) fn read_header(names: &[String], path: &Path, map: &ColumnMap) -> Result<Header, FlightError> {
+    if names.len() >= TOO_MANY {
+        return Err(FlightError::Foreign {
+            path: path.into(),
+            what: "a row of 10,000 names or more",
+            mend: "leave out the columns that are not needed",
+        });
+    }
     let mut header = Header { fields: Vec::new(), known: Vec::new(), scales: Vec::new() };
     let exact: Vec<usize> =
         names.iter().filter_map(|name| COLUMNS.iter().position(|column| column == name)).collect();

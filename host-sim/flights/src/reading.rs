@@ -12,7 +12,7 @@ use crate::decimal;
 use crate::error::FlightError;
 use crate::flight::Flight;
 use crate::foreign::foreign;
-use crate::header::{Header, names_in, read_header, shortened};
+use crate::header::{Header, TOO_MANY, names_in, read_header, shortened};
 use crate::names::{bare, is_other_name, unit_of_further};
 use model::user_effects;
 
@@ -169,6 +169,9 @@ pub fn text_columns(bytes: &[u8]) -> (Vec<String>, Vec<Vec<f64>>) {
         return text_columns(&with_commas(bytes, separator));
     }
     let names = header_names(bytes);
+    if names.len() >= TOO_MANY {
+        return (names, Vec::new());
+    }
     let mut columns: Vec<Option<Vec<f64>>> = vec![Some(Vec::new()); names.len()];
     let mut reader = csv::ReaderBuilder::new().has_headers(true).flexible(true).from_reader(bytes);
     for record in reader.byte_records().map_while(Result::ok) {
@@ -243,8 +246,8 @@ impl PlainReader {
         let header_end = memchr::memchr(b'\n', bytes).unwrap_or(bytes.len());
         let header = read_header(&names_in(&bytes[..header_end]), path, map)?;
         let body = &bytes[(header_end + 1).min(bytes.len())..];
-        // A guess of the row count from the first row saves growing the vectors.
-        let row_bytes = memchr::memchr(b'\n', body).unwrap_or(body.len()).max(1);
+        // A guess of the row count from the first row saves growing the vectors. That may be blank: a field has a digit or more.
+        let row_bytes = memchr::memchr(b'\n', body).unwrap_or(body.len()).max(2 * header.fields.len());
         let table = header.known.iter().map(|_| Vec::with_capacity(size / row_bytes + 1)).collect();
         let mut reader = Self { header, table, row: 1 };
         reader.rows(body, path)?;
@@ -286,13 +289,18 @@ struct RowFault {
 impl RowFault {
     fn into_error(self, line: &[u8], row: usize, header: &Header, path: &Path) -> FlightError {
         let text = String::from_utf8_lossy(line);
-        let fields: Vec<&str> = text.trim_end().split(',').collect();
-        if fields.len() != header.fields.len() {
-            let (found, expected) = (fields.len(), header.fields.len());
+        let fields = || text.trim_end().split(',');
+        let (found, expected) = (fields().count(), header.fields.len());
+        if found != expected {
             return FlightError::FieldCount { path: path.into(), row, found, expected };
         }
         let column = header.fields[self.column].map_or("?", |k| header.known[k].as_str()).to_owned();
-        FlightError::Field { path: path.into(), row, column, text: shortened(fields[self.column].trim()) }
+        FlightError::Field {
+            path: path.into(),
+            row,
+            column,
+            text: shortened(fields().nth(self.column).unwrap_or_default().trim()),
+        }
     }
 }
 

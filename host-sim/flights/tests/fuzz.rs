@@ -5,7 +5,7 @@ mod fuzzing;
 #[path = "../../../tests/fuzz/harness/flight.rs"]
 mod harness;
 
-use fuzzing::{Base, Outcome, cut_before, fuzz, joined};
+use fuzzing::{Base, Outcome, cut_before, fuzz, joined, take};
 
 /// A third of a second with every column, a missing value, text and blank lines.
 fn flight_file(separator: &str) -> Vec<Vec<u8>> {
@@ -64,6 +64,25 @@ fn damaged_flight_files_do_no_harm() {
 #[test]
 fn damaged_column_maps_do_no_harm() {
     fuzz(100_000, maps(), read_map);
+}
+
+/// Ten megabytes of a flight, whole, with every second line damaged, and of nothing: two seconds, and four times the memory.
+#[test]
+fn ten_megabytes_take_no_two_seconds_and_little_memory() {
+    const LONG: usize = 10 << 20;
+    let columns = "x,y,z,phi,theta,psi,p,q,r,cmd1,cmd2,cmd3,cmd4,vbat";
+    let row = |k: usize| {
+        format!("{:.2},1,2,-1.5,0.01,-0.02,3.1,0.1,-0.2,0.3,1600,1610,1620,1630,11.5\n", k as f64 * 0.01)
+    };
+    let rows: Vec<String> = (0..LONG / 72).map(row).collect();
+    take("long.csv", format!("t,{columns}\n{}", rows.concat()).as_bytes(), read_flight);
+    let damaged = |(k, row): (usize, &String)| if k % 2 == 0 { row.clone() } else { row.replace("1.5", "?") };
+    let rows: String = rows.iter().enumerate().map(damaged).collect();
+    take("damaged.csv", format!("t,{columns}\n{rows}").as_bytes(), read_flight);
+    for byte in [0, b'\n', b',', b'1', 0xff] {
+        take("nothing.csv", &vec![byte; LONG], read_flight);
+        take("headed.csv", &[b"t,x\n", &vec![byte; LONG][..]].concat(), read_flight);
+    }
 }
 
 /// The fuzz targets begin with what is damaged here. Run it after a format has changed: `cargo test -p flights corpus -- --ignored`.

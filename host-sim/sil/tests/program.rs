@@ -55,6 +55,30 @@ fn a_run_writes_a_page_and_flight_files() {
     assert!(page.contains("5.28") && page.contains("reference") && page.contains("</html>"));
 }
 
+/// The drills are flown with the gains that are named: others respond otherwise, and such that no craft stays in the air with do not hold.
+#[test]
+fn failsafes_are_flown_with_the_gains_that_are_named() {
+    let out = tempfile::tempdir().unwrap();
+    let vehicles = Path::new(env!("CARGO_MANIFEST_DIR")).join("../model/vehicles");
+    let designed = std::fs::read_to_string(vehicles.join("f330-designed-gains.toml")).unwrap();
+    let kp = designed.lines().find(|line| line.starts_with("kp = ")).unwrap();
+    let value: f64 = kp["kp = ".len()..].trim().parse().unwrap();
+    let wild = out.path().join("wild.toml");
+    std::fs::write(&wild, designed.replace(kp, &format!("kp = {}", 40.0 * value))).unwrap();
+    let flown = |gains: &Path| {
+        let output = sil(&["--failsafes", "--gains", gains.to_str().unwrap()], out.path());
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let own = sil(&["--failsafes"], out.path());
+    let [thesis, designed] =
+        ["f330-gains.toml", "f330-designed-gains.toml"].map(|name| flown(&vehicles.join(name)));
+    assert_eq!((thesis.0, designed.0), (Some(0), Some(0)), "{} {}", thesis.1, designed.1);
+    assert_eq!(thesis.1, text(&own.stdout), "the thesis' gains are those of nobody else");
+    assert_ne!(thesis.1, designed.1);
+    let (status, table, why) = flown(&wild);
+    assert!(status == Some(1) && table.contains("NOT AS EXPECTED"), "{status:?} {table} {why}");
+}
+
 #[test]
 fn a_pattern_file_is_flown() {
     let out = tempfile::tempdir().unwrap();

@@ -10,7 +10,7 @@ pub(crate) fn import(name: &str, bytes: &[u8]) -> Result<bool, String> {
     let import = import_bytes(bytes.to_vec(), Path::new(name), &ColumnMap::default())
         .map_err(|error| error.to_string())
         .inspect_err(|text| {
-            assert!(text.len() < 1000 && !text.contains(char::is_control), "{text:?}");
+            assert!(text.chars().count() < 400 && !text.contains(char::is_control), "{text:?}");
         })?;
     assert!(import.losses.damage.len() <= 9, "{:?}", import.losses.damage);
     for sentence in import.losses.damage.iter().chain(&import.limits).chain(&import.notes) {

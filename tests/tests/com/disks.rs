@@ -99,12 +99,16 @@ fn full_time() -> Duration {
     Duration::from_secs(std::env::var("QUADLAB_FULL_DISK_S").map_or(4, |s| s.parse().expect("seconds")))
 }
 
+fn is_night(full: Duration) -> bool {
+    full > Duration::from_secs(30)
+}
+
 /// The law that flies; in the night under the thesis' supervision.
 fn law(full: Duration) -> control::Config {
     let mut law = for_identification(control::Config::thesis());
     let supervision = law.supervision;
     law.supervision = patient_law().supervision;
-    if full > Duration::from_secs(30) {
+    if is_night(full) {
         law.supervision = supervision;
     }
     law.supervision.fence = supervision.fence;
@@ -187,7 +191,8 @@ fn full_and_slow_disks_are_not_noticed_in_the_air() {
         assert_eq!(hall.state(), Some(State::Flying), "{:?}", hall.heard);
     }
     let (gap, after) = (hall.air.longest_gap(), hall.heard.unwrap());
-    drop(fillers);
+    // To free what they hold takes longer than the laboratory may stand still.
+    std::thread::spawn(move || drop(fillers));
     let overruns = after.counters.overruns - before.counters.overruns;
     println!(
         "full for {:?}: {} ticks, {overruns} late, at most {gap:?} without a packet",
@@ -197,7 +202,8 @@ fn full_and_slow_disks_are_not_noticed_in_the_air() {
     assert!(gap < LONGEST_GAP, "{gap:?}");
     let ticks = filled.elapsed().as_secs_f64() / PERIOD_S;
     assert!((f64::from(after.tick - before.tick) / ticks - 1.0).abs() < 0.02, "{ticks}");
-    assert!(overruns < 5, "{overruns}");
+    // Beside other tests a machine may be late by itself; at night nothing runs beside it.
+    assert!(if is_night(full) { overruns == 0 } else { overruns < 5 }, "{overruns}");
 
     while ground.try_wait().unwrap().is_none() {
         assert!(begun.elapsed() < full + 3 * PATIENCE, "does not end: {:?}", hall.heard);

@@ -6,7 +6,7 @@
 //!
 //! Deliberately absent: what the programs compute. Whether they give the host's bits is for the tests of `sil` to say.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
 
@@ -198,6 +198,22 @@ pub(crate) fn build(
     programs: &[&str],
     features: &[&str],
 ) -> Result<Vec<PathBuf>> {
+    build_with(workspace, target, (package, programs), features, &[])
+}
+
+/// The microcontroller's program with a link's key built in.
+pub(crate) fn build_with_key(workspace: &Workspace, key: &Path) -> Result<()> {
+    build_with(workspace, Target::CortexM4, ("mcu", &["mcu"]), &[], &[("QUADLAB_KEY", key.as_os_str())])?;
+    Ok(())
+}
+
+fn build_with(
+    workspace: &Workspace,
+    target: Target,
+    (package, programs): (&str, &[&str]),
+    features: &[&str],
+    variables: &[(&str, &OsStr)],
+) -> Result<Vec<PathBuf>> {
     if let Some(missing) = missing(target) {
         bail!("{missing} (`cargo xtask setup` does it)");
     }
@@ -206,6 +222,7 @@ pub(crate) fn build(
     command.args(["--quiet", "--profile", profile(package), "--package", package]);
     command.args(programs.iter().flat_map(|program| ["--bin", program]));
     command.args(features.iter().flat_map(|feature| ["--features", feature]));
+    command.envs(variables.iter().copied());
     eprintln!("   {}", shown(&command));
     if !succeeds(command.stdout(std::process::Stdio::null()))? {
         bail!("{} does not build for {}", programs.join(", "), target.triple());

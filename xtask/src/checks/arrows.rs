@@ -29,9 +29,14 @@ const ARROWS: &[Allowed] = &[
         to: &["proto"],
         why: "keys are files, and chance is the system's, only where there is one",
     },
+    Allowed { from: "plain-line", to: &[], why: "a line of words is the same for all who write one" },
     Allowed { from: "model", to: &[], why: "the plant never sees the controller" },
     Allowed { from: "pattern", to: &[], why: "who flies a pattern is no part of it" },
-    Allowed { from: "report", to: &[], why: "pages and plots are drawn from plain numbers" },
+    Allowed {
+        from: "report",
+        to: &["plain-line"],
+        why: "pages and plots are drawn from plain numbers and words",
+    },
     Allowed {
         from: "flights",
         to: &["model"],
@@ -116,8 +121,8 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "com",
-        to: &["craft", "control", "gains-file", "proto", "proto-files"],
-        why: "the craft carries the flight law and a link",
+        to: &["craft", "control", "gains-file", "plain-line", "proto", "proto-files"],
+        why: "the craft carries the flight law and a link, and says what is wrong",
     },
     Allowed {
         from: "mcu",

@@ -4,5 +4,6 @@
 mod allocations;
 mod common;
 mod flood;
+mod outputs;
 mod process;
 mod programs;

@@ -121,6 +121,26 @@ fn a_configuration_is_checked_and_named() {
     assert_eq!(String::from_utf8(output.stderr).unwrap().lines().count(), 1);
 }
 
+/// What a line quotes is a file's name and what is in it: neither moves a cursor, renames a window or reads backwards.
+#[test]
+fn what_an_error_quotes_steers_no_terminal() {
+    let bench = Bench::new(&Config::thesis(), "");
+    let name = format!("a\u{1b}[2J\r\u{202e}vsc\u{2066}{}.toml", "x".repeat(200));
+    let odd = bench.path(&name);
+    fs::write(&odd, "[\u{202e}x\u{1b}]0;title\u{7}]\n").unwrap();
+    let gains = bench.path("com.toml");
+    let text = fs::read_to_string(&gains).unwrap();
+    fs::write(&gains, text.replace("gains.toml", "g\u{202e}\u{85}.toml")).unwrap();
+    for arguments in [["check", odd.to_str().unwrap()], ["run", gains.to_str().unwrap()]] {
+        let output = com(&arguments);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.status.code(), stderr.lines().count()), (Some(2), 1), "{stderr:?}");
+        let line = stderr.trim_end_matches('\n');
+        assert_eq!(line, format!("com: {}", plain_line::error_line(&line["com: ".len()..])), "{line:?}");
+        assert!(line.contains('\u{fffd}'), "{line:?}");
+    }
+}
+
 fn who(address: &str, more: &[&str]) -> Output {
     com(&[&["who", address, "--wait", "1"], more].concat())
 }

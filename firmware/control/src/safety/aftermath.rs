@@ -18,7 +18,8 @@ pub(crate) struct Aftermath {
     /// One motor is at its end; and the craft tips over.
     motor: [Held; 2],
     motor_failed: bool,
-    /// The motor that failed last, 0 to 3, until the pilot has taken note of it.
+    /// The motor that failed first, 0 to 3, until the pilot has taken note of it: a craft that was upset by one soon has another at
+    /// its end.
     pub(crate) failed_motor: Option<u8>,
     crash: Held,
     crashed: bool,
@@ -90,7 +91,7 @@ impl Aftermath {
         let slowly = for_long.step(found.is_some() && is_level, elapsed_us, limits.motor_us);
         let fast = tipping.step(found.is_some() && tips, elapsed_us, limits.motor_us / 5 * 3);
         self.motor_failed = slowly || fast;
-        if let (true, Some((motor, ..))) = (self.motor_failed, found) {
+        if let (true, None, Some((motor, ..))) = (self.motor_failed, self.failed_motor, found) {
             self.failed_motor = Some(motor);
         }
     }
@@ -257,6 +258,18 @@ mod tests {
             None,
             "two: a battery, or a load"
         );
+    }
+
+    #[test]
+    fn what_fails_after_the_first_motor_takes_its_name_away_from_nobody() {
+        let (limits, mut aftermath) = (limits(), Aftermath::GOOD);
+        for motor in [2_u8, 3] {
+            let mut pwm = [1700.0; 4];
+            pwm[usize::from(motor)] = 2000.0;
+            (0..60).for_each(|_| aftermath.motors(true, pwm, [[0.0; 3]; 2], PERIOD_US, &limits));
+            assert_eq!((aftermath.motor_failed, aftermath.failed_motor), (true, Some(2)));
+            aftermath.motors(false, pwm, [[0.0; 3]; 2], PERIOD_US, &limits);
+        }
     }
 
     /// Every set of motors at either end, level or not, tipping over or not: which one is named, if any.

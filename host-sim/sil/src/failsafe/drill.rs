@@ -12,7 +12,7 @@ use nalgebra::Vector3;
 use proto::State;
 
 use crate::craft::{Fault, FaultKind, NoiseModel};
-use crate::flight::{FlightPlan, Recording, Row, Script, SilError, StepAxis, StepCommand, fly};
+use crate::flight::{FlightPlan, Recording, Row, Script, SilError, StepAxis, StepCommand, fly_and_ask};
 use crate::scenarios::{Scenario, Settings};
 
 /// The flights in which each drill is flown, and when its fault begins, s.
@@ -27,15 +27,20 @@ pub enum ExpectedResponse {
     /// Not at all: the pilot's command is flown to the end.
     Flies,
     /// The rule is set off, and these states are gone to in this order, each within so many s of
-    /// the beginning of the fault.
+    /// the beginning of the fault. In the last one the flight ends; a landing may end on the floor.
     Goes(&'static [(State, f64)]),
-    /// As `Goes`, or the motors are off within the time of the last state: under gains that let the
-    /// craft tumble, it is cut before the rule's time is over.
-    GoesOrIsCut(&'static [(State, f64)]),
+    /// As `Goes`, but what comes of it in the end is left to physics: the craft cannot be held any more.
+    GoesAndMayCrash(&'static [(State, f64)]),
+    /// As `GoesAndMayCrash`, and it is this motor, 0 to 3, that is said to have failed; or the motors are off
+    /// within the time of the last state: under gains that let the craft tumble, it is cut before the rule's
+    /// time is over.
+    NamesOrIsCut(u8, &'static [(State, f64)]),
     /// Whichever rule notices it first, the craft lands or its motors are off within so many s.
     LandsOrIsCut(f64),
-    /// These states, likewise, but the rule is not set off: milder ones are.
+    /// These states and this end, likewise, but the rule is not set off: milder ones are.
     Short(&'static [(State, f64)]),
+    /// The rule is not set off; others may be, and the craft flies, holds or lands, but is not cut.
+    Survives,
 }
 
 /// A fault, and how the craft has to respond.
@@ -68,6 +73,8 @@ pub struct DrillResult {
     pub states: Vec<(State, f64)>,
     /// What was found in those ticks.
     pub reasons: Vec<Conditions>,
+    /// The motor that the craft says has failed, 0 to 3.
+    pub failed_motor: Option<u8>,
     /// How far the craft was at most from where it was taken out of the pilot's hands, in hold and
     /// landing, horizontally, m.
     pub drift_m: f64,
@@ -179,7 +186,8 @@ impl Drill {
         (0..FLIGHTS.len())
             .map(|k| {
                 let (plan, at_s) = self.plan(k, seed, config);
-                Ok(self.judge(FLIGHTS[k].0, &plan, &fly(&plan)?, at_s))
+                let (recording, failed_motor) = fly_and_ask(&plan)?;
+                Ok(self.judge(FLIGHTS[k].0, &plan, (&recording, failed_motor), at_s))
             })
             .collect()
     }
@@ -188,7 +196,7 @@ impl Drill {
         &self,
         flight: &'static str,
         plan: &FlightPlan,
-        recording: &Recording,
+        (recording, failed_motor): (&Recording, Option<u8>),
         at_s: f64,
     ) -> DrillResult {
         let begin = (at_s / recording.period_s).round() as usize;
@@ -210,27 +218,35 @@ impl Drill {
             }
         }
         let (drift_m, speed_m_s) = (drift_m(&recording.rows), blind_speed_m_s(&recording.rows));
-        let holds = match self.expected {
-            ExpectedResponse::Flies => states.is_empty() && recording.complete,
+        let is_found = flagged_s.is_some_and(|s| s >= 0.0);
+        let is_as_expected = match self.expected {
+            ExpectedResponse::Flies => states.is_empty(),
             ExpectedResponse::Goes(expected) => {
-                flagged_s.is_some_and(|s| s >= 0.0) && in_order(&states, expected)
+                is_found && in_order(&states, expected) && ends_well(&states, expected)
             }
-            ExpectedResponse::GoesOrIsCut(expected) => {
-                let found = flagged_s.is_some_and(|s| s >= 0.0) && in_order(&states, expected);
+            ExpectedResponse::GoesAndMayCrash(expected) => is_found && in_order(&states, expected),
+            ExpectedResponse::NamesOrIsCut(motor, expected) => {
+                let is_named = failed_motor == Some(motor) && is_found && in_order(&states, expected);
                 let by_s = expected.last().map_or(0.0, |(_, by_s)| *by_s);
-                found || in_order(&states, &[(State::Cut, by_s)])
+                is_named || in_order(&states, &[(State::Cut, by_s)])
             }
             ExpectedResponse::LandsOrIsCut(by_s) => {
                 [State::Land, State::Cut].into_iter().any(|end| in_order(&states, &[(end, by_s)]))
             }
-            ExpectedResponse::Short(expected) => flagged_s.is_none() && in_order(&states, expected),
+            ExpectedResponse::Short(expected) => {
+                flagged_s.is_none() && in_order(&states, expected) && ends_well(&states, expected)
+            }
+            ExpectedResponse::Survives => {
+                flagged_s.is_none() && in_order(&states, &[]) && states.iter().all(|(s, _)| *s != State::Cut)
+            }
         };
-        let holds = holds
+        let holds = is_as_expected
+            && recording.complete
             && drift_m <= self.within_m
             && speed_m_s <= self.blind_m_s
             && stands_down_on_the_floor(&recording.rows, plan.floor_m);
         let seed = plan.seed;
-        DrillResult { flight, seed, flagged_s, states, reasons, drift_m, speed_m_s, holds }
+        DrillResult { flight, seed, flagged_s, states, reasons, failed_motor, drift_m, speed_m_s, holds }
     }
 }
 
@@ -283,10 +299,29 @@ fn in_order(states: &[(State, f64)], expected: &[(State, f64)]) -> bool {
             .all(|(wanted, by_s)| rest.any(|(state, at_s)| state == wanted && *at_s <= by_s + 1e-6))
 }
 
+/// Is the craft in the last of the expected states when the flight is over, or on the floor after a landing?
+fn ends_well(states: &[(State, f64)], expected: &[(State, f64)]) -> bool {
+    let last = |states: &[(State, f64)]| states.last().map(|(state, _)| *state);
+    let (is, wanted) = (last(states), last(expected));
+    is == wanted || (wanted, is) == (Some(State::Land), Some(State::Disarmed))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use State::{Flying, Hold, Land};
+    use State::{Cut, Disarmed, Flying, Hold, Land};
+
+    #[test]
+    fn a_flight_ends_as_expected_or_on_the_floor_after_a_landing() {
+        let held = [(Hold, 0.5), (Flying, 1.0)];
+        assert!(ends_well(&held, &held));
+        assert!(!ends_well(&[(Hold, 0.5), (Flying, 1.0), (Land, 3.0)], &held), "and lands all the same");
+        assert!(!ends_well(&[(Hold, 0.5)], &held));
+        let lands = [(Land, 0.5)];
+        assert!(ends_well(&lands, &lands) && ends_well(&[(Land, 0.5), (Disarmed, 7.0)], &lands));
+        assert!(!ends_well(&[(Land, 0.5), (Cut, 1.0)], &lands), "a crash");
+        assert!(!ends_well(&[(Land, 0.5), (Flying, 1.0)], &lands));
+    }
 
     #[test]
     fn states_count_in_order_in_time_and_after_the_fault() {

@@ -55,10 +55,11 @@ fn line(result: &DrillResult) -> String {
         .collect();
     let went = if went.is_empty() { "flies on".to_owned() } else { went.join(", ") };
     let flagged = result.flagged_s.map_or("not flagged".to_owned(), |s| format!("flagged {s:.2} s"));
+    let named = result.failed_motor.map_or(String::new(), |motor| format!(", motor {} named", motor + 1));
     let verdict =
         if result.holds { String::new() } else { format!("  NOT AS EXPECTED (seed {})", result.seed) };
     format!(
-        "  {:8} {flagged:15} {went}; drift {:.2} m, blind at up to {:.2} m/s{verdict}\n",
+        "  {:8} {flagged:15} {went}{named}; drift {:.2} m, blind at up to {:.2} m/s{verdict}\n",
         result.flight, result.drift_m, result.speed_m_s
     )
 }

@@ -143,7 +143,16 @@ pub(super) struct Decided {
 /// # Errors
 /// A plan or configuration that cannot be flown.
 pub fn fly(plan: &FlightPlan) -> Result<Recording, SilError> {
-    record(ClosedLoop::in_process(plan)?)
+    record(&mut ClosedLoop::in_process(plan)?)
+}
+
+/// Flies `plan` in this process; besides what was recorded, the motor, 0 to 3, that the craft says has failed.
+///
+/// # Errors
+/// A plan or configuration that cannot be flown.
+pub(crate) fn fly_and_ask(plan: &FlightPlan) -> Result<(Recording, Option<u8>), SilError> {
+    let mut flight = ClosedLoop::in_process(plan)?;
+    Ok((record(&mut flight)?, flight.link.failed_motor()))
 }
 
 /// Flies `plan` with the controller behind `link`, as [`ClosedLoop::new`] wants it.
@@ -151,17 +160,17 @@ pub fn fly(plan: &FlightPlan) -> Result<Recording, SilError> {
 /// # Errors
 /// A plan or configuration that cannot be flown, or what goes wrong on the link.
 pub fn fly_over(plan: &FlightPlan, link: impl FlightComputer) -> Result<Recording, SilError> {
-    record(ClosedLoop::new(plan, link)?)
+    record(&mut ClosedLoop::new(plan, link)?)
 }
 
-fn record<L: FlightComputer>(mut flight: ClosedLoop<'_, L>) -> Result<Recording, SilError> {
+fn record<L: FlightComputer>(flight: &mut ClosedLoop<'_, L>) -> Result<Recording, SilError> {
     let plan = flight.plan;
     let count = plan.ticks() as usize + 1;
     let mut rows = Vec::with_capacity(count);
     while rows.len() < count && flight.craft.is_there() {
         rows.push(flight.step()?);
     }
-    if let Some(undefined) = flight.craft.fault {
+    if let Some(undefined) = flight.craft.fault.take() {
         let time_s = rows.len() as f64 * plan.config.sample_time_s;
         return Err(SilError::Undefined { undefined, time_s });
     }

@@ -10,6 +10,7 @@ mod script;
 mod side_by_side;
 
 pub(crate) use battery::battery_of;
+pub(crate) use closed_loop::fly_and_ask;
 pub use closed_loop::{ClosedLoop, fly, fly_over};
 pub(crate) use configuration::with_still_sensors;
 pub use configuration::{CAGE_M, designed_config, flyable, for_identification};

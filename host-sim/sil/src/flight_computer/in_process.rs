@@ -104,6 +104,11 @@ impl InProcess {
     pub fn disarmed(config: &Config) -> Result<Self, control::ConfigError> {
         Ok(Self { autopilot: Autopilot::new(config)? })
     }
+
+    /// The motor, 0 to 3, that failed first.
+    pub(crate) fn failed_motor(&self) -> Option<u8> {
+        self.autopilot.failed_motor()
+    }
 }
 
 impl FlightComputer for InProcess {

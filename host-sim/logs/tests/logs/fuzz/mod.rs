@@ -98,6 +98,20 @@ fn what_grows_without_end_is_cut() {
     fuzzing::take("long.parquet", &programs::long_parquet(), look);
 }
 
+/// Ten megabytes of each format: a log whose records come again and again, and one log behind the other.
+#[test]
+fn ten_megabytes_take_no_two_seconds_and_little_memory() {
+    const LONG: usize = 10 << 20;
+    let programs = [programs::ulog(), programs::dataflash_binary(), programs::dataflash_text()];
+    let others = [programs::blackbox(), programs::crazyflie(), ros::rosbag1(), ros::mcap()];
+    for base in programs.into_iter().chain(others).flatten() {
+        let whole = (base.seal)(&base.records);
+        let times = LONG / whole.len();
+        fuzzing::take(base.name, &(base.seal)(&vec![base.records.clone(); times].concat()), look);
+        fuzzing::take(base.name, &whole.repeat(times), look);
+    }
+}
+
 /// The fuzz target begins with what is damaged here; its first byte says which of its names a log has. Run it after a format has
 /// changed: `cargo test --workspace --test logs corpus -- --ignored`.
 #[test]

@@ -3,6 +3,7 @@
 //! Errors quote what they found: a field, a file's name, a header. Where they reach a person, and nowhere else, they go through
 //! [`error_line`]: one line of at most [`LONGEST_ERROR`] characters, without control characters (which move a terminal's cursor and
 //! change its title) and without those that change the direction of writing (which let a text read otherwise than it is).
+#![forbid(unsafe_code)]
 
 /// Longest line that tells of an error, characters.
 pub const LONGEST_ERROR: usize = 399;
