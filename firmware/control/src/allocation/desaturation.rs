@@ -57,6 +57,10 @@ fn fitting(fraction: f32, demand: f32, margin: f32) -> f32 {
     }
 }
 
+fn at_most_whole(fraction: f32) -> f32 {
+    if fraction < 1.0 { fraction } else { 1.0 }
+}
+
 /// In which direction an axis was refused, if it was.
 fn refused_direction(demand: f32, met: bool) -> Directions {
     Directions { high: !met && demand > 0.0, low: !met && demand < 0.0 }
@@ -97,7 +101,7 @@ impl Mixer {
                 tilt_headroom = fitting(tilt_headroom, up.tilt_demand - down.tilt_demand, up.high - down.low);
             }
         }
-        let tilt_fraction = if tilt_headroom < 1.0 { tilt_headroom } else { 1.0 };
+        let tilt_fraction = at_most_whole(tilt_headroom);
         let given = nearest_thrust(thrust, &rotors, tilt_fraction);
         let mut yaw_fraction = 1.0;
         for rotor in &rotors {
@@ -156,6 +160,8 @@ mod tests {
             desaturate(0.5, [0.25, 0.125, 0.0]),
             (mixer.mix(0.5, [0.25, 0.125, 0.0]), Refused::default())
         );
+        // And so it does with seven eighths of the roll that there is: no refusal, but a warning.
+        assert_eq!(desaturate(0.5, [0.4375, 0.0, 0.0]).1, Refused::default());
         // Roll wants 0.25 above the thrust: the thrust gives way.
         let (mixed, refused) = desaturate(0.9, [0.25, 0.0, 0.0]);
         assert_eq!((mixed, refused), ([1.0, 0.5, 0.5, 1.0], Refused { thrust: high, ..Refused::default() }));
@@ -171,6 +177,21 @@ mod tests {
         let (mixed, refused) = desaturate(0.75, [0.5, 0.5, 0.125]);
         assert_eq!(mixed, [1.0, 0.5, 0.0, 0.5]);
         assert_eq!(refused, Refused { thrust: high, roll: high, pitch: high, yaw: high });
+        // What an axis does not ask for is not refused.
+        let (mixed, refused) = desaturate(0.5, [0.75, 0.0, 0.0]);
+        assert_eq!((mixed, refused), ([1.0, 0.0, 0.0, 1.0], Refused { roll: high, ..Refused::default() }));
+        let (mixed, refused) = desaturate(0.5, [0.0, -0.75, 0.0]);
+        assert_eq!((mixed, refused), ([0.0, 0.0, 1.0, 1.0], Refused { pitch: low, ..Refused::default() }));
+    }
+
+    /// Rotors of 1, 3, -2 and 4 to one of thrust: one pushes down.
+    #[test]
+    fn the_least_thrust_is_that_of_the_weakest_rotor() {
+        let mut inverse = THESIS_INVERSE_MIXING;
+        inverse.iter_mut().zip([1.0, 3.0, -2.0, 4.0]).for_each(|(row, thrust)| row[0] = thrust);
+        assert_eq!(Mixer::new(&Mixing::Inverse(inverse)).unwrap().least_thrust(), -2.0);
+        inverse[2][0] = 2.5;
+        assert_eq!(Mixer::new(&Mixing::Inverse(inverse)).unwrap().least_thrust(), 1.0);
     }
 
     proptest! {
@@ -221,6 +242,9 @@ mod tests {
             } else {
                 let given = got_yaw * wanted_yaw.signum();
                 prop_assert!(given > -1e-3 && given < wanted_yaw.abs() + 1e-3, "{given}");
+                // More would take a rotor beyond its end.
+                let at_end = |w2: &f32| *w2 < 9e4 + slack || *w2 > 7.4e5 - slack;
+                prop_assert!(mixed.iter().any(at_end), "{mixed:?}");
             }
         }
 
