@@ -47,6 +47,12 @@ pub(crate) const PARTS: &[Step] = &[
         run: full_disks,
     },
     Step {
+        name: "flood",
+        about: "200,000 packets a second that are none of the pilot's: his arrive, and ticks come when they did without them",
+        tools: &[],
+        run: flood,
+    },
+    Step {
         name: "advisories",
         about: "no dependency has a known fault or nobody who maintains it",
         tools: &[&CARGO_DENY],
@@ -170,6 +176,21 @@ fn full_disks(_: &Workspace) -> Result<Outcome> {
     // All tests are built, as the programs that it flies are only then.
     let mut drill = cargo(["test", "--workspace", "--tests", "--", "full_and_slow_disks", "--show-output"]);
     drill.env("QUADLAB_FULL_DISK_S", "60");
+    Ok(Outcome::Ran(harness(drill)?))
+}
+
+/// The drill of the usual tests, with nothing beside it.
+fn flood(_: &Workspace) -> Result<Outcome> {
+    let mut drill = cargo([
+        "test",
+        "--workspace",
+        "--test",
+        "whole",
+        "--",
+        "a_flood_costs_the_pilot_nothing",
+        "--show-output",
+    ]);
+    drill.env("QUADLAB_ALONE", "1");
     Ok(Outcome::Ran(harness(drill)?))
 }
 

@@ -2,7 +2,9 @@
 //! anything out of it.
 //!
 //! Rates are what the generators are asked for; on a machine of few processors they compete with
-//! the program, so what was reached is printed beside what was lost.
+//! the program and with other tests, so what was reached is printed beside what was lost. With
+//! `QUADLAB_ALONE` set, as at night, nothing else runs: all of the rates are asked for, and ticks as
+//! punctual as without a flood.
 
 use std::fs;
 use std::net::UdpSocket;
@@ -18,6 +20,9 @@ const PROGRAM: &str = env!("CARGO_BIN_EXE_com");
 
 /// Junk and right-looking packets with wrong tags, a second.
 const RATES: [u32; 2] = [150_000, 50_000];
+
+/// A tenth of a period: ticks are as late as that on any machine now and then, us.
+const SCATTER_US: u32 = 1000;
 
 /// How long the quiet and the flooded part of the flight are.
 const LASTS: Duration = Duration::from_secs(10);
@@ -114,11 +119,20 @@ fn a_flood_costs_the_pilot_nothing() {
         "quiet {quiet:?}\nflood {flooded:?} by {:.0} and {:.0} packets a second",
         reached[0], reached[1]
     );
-    assert!(reached[0] > 30_000.0 && reached[1] > 10_000.0, "the generators were too slow: {reached:?}");
+    let is_alone = std::env::var_os("QUADLAB_ALONE").is_some();
+    let least = if is_alone { 0.95 } else { 0.2 };
+    let is_reached = reached.iter().zip(RATES).all(|(reached, rate)| *reached > least * f64::from(rate));
+    assert!(is_reached, "the generators were too slow: {reached:?}");
     assert!(flooded.lost_permille < 10.0 && quiet.lost_permille < 10.0, "{flooded:?}");
-    // Ten periods would bring a condition of the supervisor; a machine that is busy with other tests
-    // is late by some of them.
-    assert!(flooded.late_us[0] < quiet.late_us[0].max(1_000) * 20, "{quiet:?} {flooded:?}");
+    let (before, with) = (quiet.late_us[0], flooded.late_us[0]);
+    if is_alone {
+        // 5 % more, or what a machine that is alone scatters by from one run to the next.
+        assert!(with <= (before + before / 20).max(SCATTER_US), "{quiet:?} {flooded:?}");
+    } else {
+        // Ten periods would bring a condition of the supervisor; a machine that is busy with other tests
+        // is late by some of them.
+        assert!(with < before.max(SCATTER_US) * 20, "{quiet:?} {flooded:?}");
+    }
 }
 
 /// A refusal a second at most, though thousands are counted, and each state that the craft goes to.
