@@ -21,6 +21,15 @@ fn every_drill_ends_as_expected() {
                         "{} ({gains} gains, seed {seed}): expected {:?} within {} m, found {found:?}",
                         drill.name, drill.expected, drill.within_m
                     );
+                    // Gains that know the end of a motor hold the craft for long enough to tell which it is.
+                    if let ("designed", ExpectedResponse::NamesOrIsCut(motor, _)) = (gains, drill.expected) {
+                        assert_eq!(
+                            found.failed_motor,
+                            Some(motor),
+                            "{} (seed {seed}): {found:?}",
+                            drill.name
+                        );
+                    }
                 }
             }
         }
