@@ -65,8 +65,8 @@ pub(crate) fn system<E: Into<io::Error>>(what: &'static str) -> impl FnOnce(E) -
     move |source| Error::System { what, source: source.into() }
 }
 
-/// Writes a line to standard error: one, whatever names and contents of files it quotes. A log that cannot be written any more is no
-/// reason to crash.
+/// Writes one line to standard error, whatever the names and contents of files that it quotes hold. A log that cannot be written any
+/// more is no reason to crash.
 pub fn log(line: &str) {
     use io::Write;
     let line = plain_line::error_line(line);

@@ -55,7 +55,7 @@ fn a_run_writes_a_page_and_flight_files() {
     assert!(page.contains("5.28") && page.contains("reference") && page.contains("</html>"));
 }
 
-/// The drills are flown with the gains that are named: others respond otherwise, and such that no craft stays in the air with do not hold.
+/// Other gains give another table, and gains that keep no craft in the air fail.
 #[test]
 fn failsafes_are_flown_with_the_gains_that_are_named() {
     let out = tempfile::tempdir().unwrap();

@@ -3,12 +3,11 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
 use control::{Condition, Conditions};
 use proto::{Request, State};
 
-use crate::common::{Bench, Ground, Held, IDLE, Program, patient_law};
+use crate::common::{Bench, Ground, Held, IDLE, Program, compile, patient_law};
 
 const OUTPUT: &str = "pwm/pwmchip0/pwm2";
 
@@ -16,10 +15,7 @@ const OUTPUT: &str = "pwm/pwmchip0/pwm2";
 fn an_output_that_fails_in_flight_ends_in_a_landing_and_is_switched_off_with_the_motors() {
     let bench = Bench::new(&patient_law(), "");
     let (library, broken) = (bench.path("failing_output.so"), bench.path("broken"));
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/whole/failing_output.c");
-    let mut compiler = Command::new("cc");
-    compiler.args(["-shared", "-fPIC", "-O1", "-o"]).arg(&library).arg(source);
-    assert!(compiler.status().unwrap().success(), "the C compiler that Rust links with");
+    compile(env!("CARGO_MANIFEST_DIR"), "tests/whole/failing_output.c", &library);
     let mut program = Program::start(Path::new(env!("CARGO_BIN_EXE_com")), &bench, |command| {
         command.env("LD_PRELOAD", &library).env("OUTPUT", OUTPUT).env("OUTPUT_FAILS", &broken);
     });

@@ -219,11 +219,10 @@ impl Drill {
         }
         let (drift_m, speed_m_s) = (drift_m(&recording.rows), blind_speed_m_s(&recording.rows));
         let is_found = flagged_s.is_some_and(|s| s >= 0.0);
+        let goes_and_ends = |expected| in_order(&states, expected) && ends_well(&states, expected);
         let is_as_expected = match self.expected {
             ExpectedResponse::Flies => states.is_empty(),
-            ExpectedResponse::Goes(expected) => {
-                is_found && in_order(&states, expected) && ends_well(&states, expected)
-            }
+            ExpectedResponse::Goes(expected) => is_found && goes_and_ends(expected),
             ExpectedResponse::GoesAndMayCrash(expected) => is_found && in_order(&states, expected),
             ExpectedResponse::NamesOrIsCut(motor, expected) => {
                 let is_named = failed_motor == Some(motor) && is_found && in_order(&states, expected);
@@ -233,9 +232,7 @@ impl Drill {
             ExpectedResponse::LandsOrIsCut(by_s) => {
                 [State::Land, State::Cut].into_iter().any(|end| in_order(&states, &[(end, by_s)]))
             }
-            ExpectedResponse::Short(expected) => {
-                flagged_s.is_none() && in_order(&states, expected) && ends_well(&states, expected)
-            }
+            ExpectedResponse::Short(expected) => flagged_s.is_none() && goes_and_ends(expected),
             ExpectedResponse::Survives => {
                 flagged_s.is_none() && in_order(&states, &[]) && states.iter().all(|(s, _)| *s != State::Cut)
             }

@@ -182,6 +182,18 @@ impl Drop for Program {
     }
 }
 
+/// Compiles a C file, named from its crate's folder on, to a library that can be loaded before the system's.
+pub(crate) fn compile(crate_folder: &str, source: &str, library: &Path) {
+    let mut compiler = Command::new("cc");
+    compiler.args(["-shared", "-fPIC", "-O1", "-o"]).arg(library).arg(Path::new(crate_folder).join(source));
+    assert!(compiler.status().unwrap().success(), "the C compiler that Rust links with");
+}
+
+/// Whether nothing else runs on this machine, as at night: no lateness is forgiven then.
+pub(crate) fn is_alone() -> bool {
+    std::env::var_os("QUADLAB_ALONE").is_some()
+}
+
 /// A signal to a process, by the tool that people use.
 pub(crate) fn signal(name: &str, process: u32) {
     let status = Command::new("kill").args([&format!("-{name}"), &process.to_string()]).status();
