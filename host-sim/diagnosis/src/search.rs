@@ -8,12 +8,13 @@
 //!    again.
 //! 3. A candidate that does as well in a member's place is confounded with it.
 
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
+use std::collections::HashMap;
 
 use model::{Effect, Kind, Model};
 
 use crate::finding::{EffectFinding, supported};
-use crate::held_out::{Validated, examine, fit_and_validate, fit_more};
+use crate::held_out::{Validated, examine, fit_and_validate, fit_more, validated};
 use crate::observer::{Observer, Progress};
 use crate::reason::{Reason, joined};
 use crate::screen::Screen;
@@ -66,6 +67,9 @@ pub(crate) struct Search<'a> {
     pub(crate) searched: Vec<Effect>,
     /// The base model with each of them by itself, once somebody asks.
     alone: OnceCell<Vec<Result<Validated, FitError>>>,
+    /// What fits of sets came to, by all effects of their models: a search meets a set again and again. What they leave of the flights held
+    /// out is formed anew, which is cheap: kept for all sets, it would take up more room than the flights.
+    fits: RefCell<HashMap<Vec<Effect>, Fit>>,
     pub(crate) train: &'a [&'a Prepared],
     pub(crate) validate: &'a [&'a Prepared],
     /// Hears of every candidate, and may stop before each.
@@ -91,7 +95,16 @@ impl<'a> Search<'a> {
         going_on(observer)?;
         observer.progress(Progress { activity: "linearising the candidates", steps: None });
         let screen = Screen::new(&base.fit, &linearised, train, validate)?;
-        Ok(Self { base, screen, searched, alone: OnceCell::new(), train, validate, observer })
+        Ok(Self {
+            base,
+            screen,
+            searched,
+            alone: OnceCell::new(),
+            fits: RefCell::default(),
+            train,
+            validate,
+            observer,
+        })
     }
 
     /// Candidates that are fitted exactly, each with the base model.
@@ -299,8 +312,18 @@ impl<'a> Search<'a> {
             let values: Vec<f64> = possible.map(|(c, v)| v.clamp(c.possible.0, c.possible.1)).collect();
             start.set(*effect, &values);
         }
-        fit_and_validate(&start, &effects, self.train, self.validate)
-            .or_else(|_| fit_and_validate(model, &effects, self.train, self.validate))
+        self.fitted_once([&start, model], &effects)
+    }
+
+    /// The fit of all effects of a model, unless it is known: from the first start, or from the second where that way ends nowhere.
+    fn fitted_once(&self, starts: [&Model; 2], effects: &[Effect]) -> Result<Validated, FitError> {
+        if let Some(fit) = self.fits.borrow().get(effects) {
+            return validated(fit.clone(), self.validate);
+        }
+        let from = |start: &Model| fit_and_validate(start, effects, self.train, self.validate);
+        let found = from(starts[0]).or_else(|_| from(starts[1]))?;
+        self.fits.borrow_mut().insert(effects.to_vec(), found.fit.clone());
+        Ok(found)
     }
 
     /// The base model with `set`.
@@ -308,8 +331,7 @@ impl<'a> Search<'a> {
         let mut effects = self.base.fit.model.effects();
         effects.extend(set);
         // Values from a larger set can lie where an effect saturates: then from the base model's.
-        fit_and_validate(start, &effects, self.train, self.validate)
-            .or_else(|_| fit_and_validate(&self.base.fit.model, &effects, self.train, self.validate))
+        self.fitted_once([start, &self.base.fit.model], &effects)
     }
 
     /// Weighs each member with the others in place; those that are not supported leave, the weakest first.
@@ -468,6 +490,22 @@ mod tests {
             assert_eq!(search.screen.candidates, [Effect::SteadyWind]);
             let exact: Vec<Effect> = search.searched().unwrap().map(|(effect, _)| effect).collect();
             assert_eq!(exact, [Effect::SlungLoad]);
+        });
+    }
+
+    /// A fit from another start ends within a tenth of a standard error of it, not at the same numbers.
+    #[test]
+    fn a_set_that_was_fitted_is_not_fitted_again() {
+        with_search(&truth(), &[Effect::SteadyWind], |search| {
+            let model = &search.base.fit.model;
+            let wind = |with: Result<Validated, FitError>| {
+                with.unwrap().fit.model.term(Effect::SteadyWind).unwrap().values()
+            };
+            let from = |start: [f64; 2]| wind(search.fitted(model, &[(Effect::SteadyWind, start.to_vec())]));
+            let first = from([0.1, 0.1]);
+            assert_eq!(from([-0.6, 0.3]), first);
+            assert_eq!(wind(search.with(model, &[Effect::SteadyWind])), first);
+            assert_eq!(search.fits.borrow().len(), 1);
         });
     }
 

@@ -2,28 +2,36 @@
 
 use std::ops::Range;
 
-use nalgebra::{DMatrix, DMatrixView, Dyn};
+use nalgebra::DMatrix;
 
 use crate::discovery::problem::Problem;
+use crate::discovery::products::Columns;
 
 /// What columns are held against on each axis: the basis of what the model takes, then residuals. The first of these is that which the
 /// model leaves, the others have its colour and random phases.
 pub(crate) struct Against {
-    /// The vectors of the basis that differ from zero on the axis, then the residuals, side by side: a column for each row of the problem. In
-    /// single precision, as are the hats that are held against them: a search forms far more of these than are ever fitted.
+    /// The vectors of the basis that differ from zero on the axis, then the residuals, side by side, then zeros up to as many as are taken
+    /// at once: a column for each row of the problem. In single precision, as are the hats that are held against them: a search forms far
+    /// more of these than are ever fitted.
     pub(crate) axes: [DMatrix<f32>; 6],
     /// Which vectors of the basis these are.
     pub(crate) of_basis: [Vec<usize>; 6],
     /// Vectors of the basis.
     pub(crate) taken: usize,
+    /// Residuals.
+    pub(crate) residuals: usize,
 }
+
+/// Columns on an axis are a multiple of this.
+const AT_ONCE: usize = 16;
 
 impl Against {
     pub(crate) fn new(problem: &Problem<'_>, others: &[[Vec<f64>; 6]]) -> Self {
+        let residuals = 1 + others.len();
         let axes = std::array::from_fn(|axis| {
             let basis = problem.basis(axis);
             let own = basis.of.len();
-            let mut all = DMatrix::zeros(problem.rows, own + 1 + others.len());
+            let mut all = DMatrix::zeros(problem.rows, (own + residuals).next_multiple_of(AT_ONCE));
             all.columns_mut(0, own).copy_from(&basis.columns);
             all.set_column(own, &problem.residual[axis]);
             for (k, other) in others.iter().enumerate() {
@@ -32,23 +40,19 @@ impl Against {
             all.transpose().cast()
         });
         let of_basis = std::array::from_fn(|axis| problem.basis(axis).of.clone());
-        Self { axes, of_basis, taken: problem.taken }
+        Self { axes, of_basis, taken: problem.taken, residuals }
     }
 
-    pub(crate) fn residuals(&self) -> usize {
-        self.count(0) - self.of_basis[0].len()
-    }
-
-    /// Columns on an axis.
+    /// Columns on an axis, those that are zero among them.
     pub(crate) fn count(&self, axis: usize) -> usize {
         self.axes[axis].nrows()
     }
 
     /// Some rows of the columns on an axis.
-    pub(crate) fn rows(&self, axis: usize, rows: Range<usize>) -> DMatrixView<'_, f32, Dyn, Dyn> {
+    pub(super) fn rows(&self, axis: usize, rows: Range<usize>) -> Columns<'_> {
         let count = self.count(axis);
-        let values = &self.axes[axis].as_slice()[rows.start * count..rows.end * count];
-        DMatrixView::from_slice_with_strides(values, rows.len(), count, count, 1)
+        let rows = &self.axes[axis].as_slice()[rows.start * count..rows.end * count];
+        Columns { rows, width: count, first: 0, count }
     }
 }
 
@@ -69,7 +73,7 @@ mod tests {
         let problem = Problem::new(&flights, &model);
         let other = std::array::from_fn(|axis| vec![axis as f64 + 1.0; problem.rows]);
         let against = Against::new(&problem, &[other]);
-        assert_eq!(against.residuals(), 2);
+        assert_eq!(against.residuals, 2);
         let taken = against.taken;
         let mut products = DMatrix::<f32>::zeros(taken + 2, taken + 2);
         for (columns, of_basis) in against.axes.iter().zip(&against.of_basis) {

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::ops::Range;
 
 use model::{LagId, Sample, Sink};
-use nalgebra::{DMatrix, DMatrixView, Vector3};
+use nalgebra::{DMatrix, Vector3};
 use sysid::fit::even_hats::EvenHats;
 use sysid::fit::terms::Terms;
 use sysid::fit::times_hats::{QuantitySignal, SomeRows, TermSignals};
@@ -14,6 +14,7 @@ use crate::discovery::center::Center;
 use crate::discovery::channels::Channel;
 use crate::discovery::form::{Form, FormedOnce};
 use crate::discovery::problem::{Problem, White};
+use crate::discovery::products::{Columns, products};
 use crate::discovery::variables::Variable;
 use crate::discovery::whitening;
 
@@ -206,7 +207,7 @@ struct OfAxis {
     hats: usize,
     /// The forms that act on it.
     forms: Vec<OfForm>,
-    /// A row for each parameter that acts on the axis, and each hat.
+    /// A column for each parameter that acts on the axis, and each hat.
     against: DMatrix<f32>,
 }
 
@@ -258,12 +259,15 @@ impl CrossProducts {
             let own: Vec<&White> =
                 parameters.iter().flat_map(|k| &columns[k * hats.count..(k + 1) * hats.count]).collect();
             let mut rows = DMatrix::zeros(own.len(), problem.rows);
-            for (place, column) in own.into_iter().enumerate() {
+            for (place, column) in own.iter().enumerate() {
                 if let Some(column) = &column[axis] {
                     rows.row_mut(place).iter_mut().zip(column).for_each(|(value, own)| *value = *own as f32);
                 }
             }
-            products.axes[axis].add((rows.as_slice(), &(0..hats.count)), (against, axis), 0);
+            let some = rows.as_slice().chunks((own.len() * ROWS_AT_ONCE).max(1));
+            for (first, rows) in (0..).step_by(ROWS_AT_ONCE).zip(some) {
+                products.axes[axis].add((rows, &(0..hats.count)), (against, axis), first);
+            }
         }
         Some((Cow::Owned(taking.forms), products))
     }
@@ -294,7 +298,7 @@ impl CrossProducts {
             OfAxis {
                 hats,
                 forms: ranges.iter().enumerate().filter_map(of_form).collect(),
-                against: DMatrix::zeros(own.len() * hats, against.count(axis)),
+                against: DMatrix::zeros(against.count(axis), own.len() * hats),
             }
         });
         Self { axes, hats, parameters: ranges }
@@ -308,7 +312,7 @@ impl CrossProducts {
         quantity: &[QuantitySignal],
         hats: EvenHats,
     ) {
-        let parameters = self.axes.each_ref().map(|axis| axis.against.nrows() / self.hats);
+        let parameters = self.axes.each_ref().map(|axis| axis.against.ncols() / self.hats);
         // Those of a part of a flight, behind those before that they are predicted from.
         let mut rows: [Vec<f32>; 6] = Default::default();
         for ((flight, range), (signals, quantity)) in
@@ -334,17 +338,17 @@ impl CrossProducts {
     pub(crate) fn of(&self, form: usize, against: &Against) -> Products {
         let size = self.parameters[form].len() * self.hats;
         let mut gram = DMatrix::zeros(size, size);
-        let mut with = DMatrix::zeros(size, against.taken + against.residuals());
+        let mut with = DMatrix::zeros(size, against.taken + against.residuals);
         for (axis, of_basis) in self.axes.iter().zip(&against.of_basis) {
             let Some(own) = axis.forms.iter().find(|own| own.form == form) else { continue };
             let (first, width) = (own.first * self.hats, own.parameters.len() * self.hats);
             let mut block = gram.view_mut((first, first), (width, width));
             block.zip_apply(&own.gram, |sum, own| *sum += f64::from(own));
-            let places = of_basis.iter().copied().chain(against.taken..against.taken + against.residuals());
-            let rows = axis.against.rows(own.parameters.start * self.hats, width);
-            for (column, place) in rows.column_iter().zip(places) {
+            let places = of_basis.iter().copied().chain(against.taken..against.taken + against.residuals);
+            let columns = axis.against.columns(own.parameters.start * self.hats, width);
+            for (row, place) in columns.row_iter().zip(places) {
                 let mut sum = with.view_mut((first, place), (width, 1));
-                sum.zip_apply(&column, |sum, own| *sum += f64::from(own));
+                sum.iter_mut().zip(row.iter()).for_each(|(sum, own)| *sum += f64::from(*own));
             }
         }
         Products { gram, against: with }
@@ -359,23 +363,20 @@ impl OfAxis {
         (against, axis): (&Against, usize),
         first: usize,
     ) {
-        let width = self.against.nrows() / self.hats * hats.len();
+        let width = self.against.ncols() / self.hats * hats.len();
         if width == 0 {
             return;
         }
-        let count = rows.len() / width;
-        let all = DMatrixView::from_slice(rows, width, count);
-        let sums = all * against.rows(axis, first..first + count);
+        let all = Columns { rows, width, first: 0, count: width };
+        let sums = products(all, against.rows(axis, first..first + rows.len() / width));
         for parameter in 0..width / hats.len() {
-            let mut own = self.against.rows_mut(parameter * self.hats + hats.start, hats.len());
-            own += sums.rows(parameter * hats.len(), hats.len());
+            let mut own = self.against.columns_mut(parameter * self.hats + hats.start, hats.len());
+            own += sums.columns(parameter * hats.len(), hats.len());
         }
         for form in &mut self.forms {
-            let (start, own) = (form.parameters.start * hats.len(), form.parameters.len() * hats.len());
-            let across = all.rows(start, own);
-            // The same values the other way round.
-            let along = DMatrixView::from_slice_with_strides(&rows[start..], count, own, width, 1);
-            let sums = across * along;
+            let (start, count) = (form.parameters.start * hats.len(), form.parameters.len() * hats.len());
+            let columns = Columns { first: start, count, ..all };
+            let sums = products(columns, columns);
             let size = (hats.len(), hats.len());
             let own = 0..form.parameters.len();
             for (row, column) in own.clone().flat_map(|row| own.clone().map(move |column| (row, column))) {

@@ -21,6 +21,7 @@ mod meaning;
 pub(crate) mod memory;
 mod phases;
 pub(crate) mod problem;
+mod products;
 mod proposal;
 pub(crate) mod refine;
 mod search;

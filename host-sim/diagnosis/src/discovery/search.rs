@@ -54,7 +54,7 @@ pub(crate) fn over_variable(
     (variables, variable): (&[Variable], usize),
     (span, knot_count): (Span, usize),
 ) -> Found {
-    let mut by_chance = vec![f64::NEG_INFINITY; against.residuals() - 1];
+    let mut by_chance = vec![f64::NEG_INFINITY; against.residuals - 1];
     let hats = EvenHats { ends: [span.low, span.high], count: knot_count };
     let (shapes, values) = over(span.shapes(), hats);
     let mut best = Vec::new();
@@ -124,7 +124,7 @@ impl Independent {
         let Products { gram: whole, against: with } = products;
         let absorbed = with.columns(0, against.taken);
         let gram = &whole - absorbed * absorbed.transpose();
-        let with_residual = with.columns(against.taken, against.residuals()).into_owned();
+        let with_residual = with.columns(against.taken, against.residuals).into_owned();
         Self { gram, whole, with_residual, amplitudes }
     }
 
@@ -192,6 +192,7 @@ mod tests {
             axes: std::array::from_fn(|_| DMatrix::zeros(2, 60)),
             of_basis: std::array::from_fn(|_| Vec::new()),
             taken: 2,
+            residuals: 2,
         };
         let products =
             Products { gram: hats.tr_mul(&hats), against: hats.tr_mul(&beside(&model, &residuals)) };

@@ -27,7 +27,7 @@ use crate::fit::in_gust::InGust;
 use crate::fit::least_squares::{FlightRows, RowColumn};
 use crate::fit::slow;
 use crate::fit::slung_load;
-use crate::fit::terms::{Both, LinearEffects, Predictions, Seen, Slots, Terms, append, append_turned_back};
+use crate::fit::terms::{Both, Growing, LinearEffects, Predictions, Seen, Slots, Terms};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch, subtract, vector};
 
 /// A load on a cable as it was followed.
@@ -215,7 +215,8 @@ impl Prepared {
         hung: Option<&Hung>,
     ) -> Vec<RowColumn> {
         let cable = hung.map(|hung| hung.part);
-        let mut result = vec![RowColumn::default(); terms.count()];
+        let row_count = self.stretches.iter().map(|stretch| self.row_samples(stretch, stride).len()).sum();
+        let mut result = Growing::new(terms.count(), row_count);
         let force_taps = self.force_taps();
         let imu = self.force_target == ForceTarget::Imu;
         for (index, stretch) in self.stretches.iter().enumerate() {
@@ -239,7 +240,7 @@ impl Prepared {
                         Some(gust) => in_gust.write((&layout, terms, plant), input, gust, row),
                     };
                     if moments.push(write).is_some() {
-                        append(&layout.places, &moments.row, &mut result);
+                        result.append(&layout.places, &moments.row);
                     }
                     if turned.is_empty() {
                         return;
@@ -250,7 +251,7 @@ impl Prepared {
                         carry(row, cable, &direction);
                     });
                     if let Some(k) = at_row {
-                        append_turned_back(&turned, &states.dcm(first + k), &forces.row, &mut result);
+                        result.append_turned_back(&turned, &states.dcm(first + k), &forces.row);
                     }
                 });
                 if imu {
@@ -258,7 +259,7 @@ impl Prepared {
                 }
             }
         }
-        result
+        result.into_columns()
     }
 
     /// The force rows of an IMU: in body axes throughout.
@@ -268,7 +269,7 @@ impl Prepared {
         plant: &Plant,
         (states, part): (&States, &Part),
         (stride, cable): (usize, Option<f64>),
-        result: &mut [RowColumn],
+        result: &mut Growing,
     ) {
         let first = part.samples.start;
         let rows = (self.margin..part.samples.len() - self.margin).step_by(stride);
@@ -284,7 +285,7 @@ impl Prepared {
                     Some(gust) => in_gust.write((&layout, terms, plant), &input, gust, row),
                 };
                 if forces.push(write).is_some() {
-                    append(&layout.places, &forces.row, result);
+                    result.append(&layout.places, &forces.row);
                 }
             }
             return;
@@ -303,7 +304,7 @@ impl Prepared {
                 carry(row, cable, &direction);
             });
             if at_row.is_some() {
-                append_turned_back(&turned, &body_axes, &forces.row, result);
+                result.append_turned_back(&turned, &body_axes, &forces.row);
             }
         }
     }

@@ -229,25 +229,43 @@ impl Slots {
     }
 }
 
-/// Appends filtered signals to the columns that they belong to.
-pub(crate) fn append(places: &[Place], row: &[f64], result: &mut [RowColumn]) {
-    for (place, value) in places.iter().zip(row) {
-        result[place.parameter][place.axis].get_or_insert_default().push(*value);
-    }
+/// Columns that grow row by row, with room for all of their rows.
+pub(crate) struct Growing {
+    columns: Vec<RowColumn>,
+    rows: usize,
 }
 
-/// Appends filtered forces, back in body axes.
-pub(crate) fn append_turned_back(
-    turned: &[Turned],
-    dcm: &Matrix3<f64>,
-    row: &[f64],
-    result: &mut [RowColumn],
-) {
-    for (Turned { parameter, .. }, force) in turned.iter().zip(row.chunks_exact(3)) {
-        let body = dcm * Vector3::new(force[0], force[1], force[2]);
-        for (column, value) in result[*parameter].iter_mut().zip(body.iter()) {
-            column.get_or_insert_default().push(*value);
+impl Growing {
+    /// So many that will have so many rows.
+    pub(crate) fn new(columns: usize, rows: usize) -> Self {
+        Self { columns: vec![RowColumn::default(); columns], rows }
+    }
+
+    #[inline]
+    fn push(&mut self, parameter: usize, axis: usize, value: f64) {
+        self.columns[parameter][axis].get_or_insert_with(|| Vec::with_capacity(self.rows)).push(value);
+    }
+
+    /// Appends filtered signals to the columns that they belong to.
+    pub(crate) fn append(&mut self, places: &[Place], row: &[f64]) {
+        for (place, value) in places.iter().zip(row) {
+            self.push(place.parameter, place.axis, *value);
         }
+    }
+
+    /// Appends filtered forces, back in body axes.
+    pub(crate) fn append_turned_back(&mut self, turned: &[Turned], dcm: &Matrix3<f64>, row: &[f64]) {
+        for (Turned { parameter, .. }, force) in turned.iter().zip(row.chunks_exact(3)) {
+            let body = dcm * Vector3::new(force[0], force[1], force[2]);
+            for (axis, value) in body.iter().enumerate() {
+                self.push(*parameter, axis, *value);
+            }
+        }
+    }
+
+    /// The columns with their rows.
+    pub(crate) fn into_columns(self) -> Vec<RowColumn> {
+        self.columns
     }
 }
 
@@ -369,8 +387,9 @@ mod tests {
         let places: Vec<(usize, usize)> = slots.places.iter().map(|p| (p.parameter, p.axis)).collect();
         assert_eq!(places, [(0, 5), (2, 3), (0, 0), (1, 1), (1, 2)]);
         assert_eq!(slots.slots_but_horizontal_forces().collect::<Vec<_>>(), [0, 1, 4]);
-        let mut columns = vec![RowColumn::default(); 3];
-        append(&slots.places[..2], &row, &mut columns);
+        let mut growing = Growing::new(3, 1);
+        growing.append(&slots.places[..2], &row);
+        let columns = growing.into_columns();
         assert_eq!((&columns[0][5], &columns[2][3]), (&Some(vec![40.0]), &Some(vec![20.0])));
         assert_eq!(columns.iter().flatten().flatten().count(), 2);
     }
@@ -386,8 +405,9 @@ mod tests {
         for (found, expected) in ned.iter().zip([0.0, 50.0, 0.0, -10.0, 0.0, 30.0]) {
             assert!((found - expected).abs() < 1e-13, "{ned:?}");
         }
-        let mut columns = vec![RowColumn::default(); 3];
-        append_turned_back(&turned, &east, &ned, &mut columns);
+        let mut growing = Growing::new(3, 1);
+        growing.append_turned_back(&turned, &east, &ned);
+        let columns = growing.into_columns();
         for (parameter, forces) in [(0, [50.0, 0.0, 0.0]), (1, [0.0, 10.0, 30.0])] {
             for (axis, expected) in forces.into_iter().enumerate() {
                 let found = columns[parameter][axis].as_ref().unwrap()[0];

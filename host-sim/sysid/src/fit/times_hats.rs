@@ -186,6 +186,11 @@ impl TermSignals {
         &self.layout.places[..self.layout.wanted]
     }
 
+    /// Rows of the flight.
+    fn rows(&self) -> usize {
+        self.stretches.iter().map(|stretch| stretch.turns.len()).sum()
+    }
+
     /// So many columns, each a sum of the terms: `weights` writes for each column what each parameter of the terms is multiplied by, from
     /// the values of the quantities at a sample.
     pub fn weighted(
@@ -212,22 +217,17 @@ impl TermSignals {
                         acting.map(|(signal, place)| [signal, first + place.parameter]).collect();
                     if !pairs.is_empty() {
                         let rows = stretch.moments.weighted(&pairs, &of_moments, size);
-                        own.get_or_insert_default().extend(rows);
+                        own.get_or_insert_with(|| Vec::with_capacity(self.rows())).extend(rows);
                     }
                 }
                 if self.turned.is_empty() {
                     continue;
                 }
-                let along: [Vec<f64>; 3] = std::array::from_fn(|axis| {
-                    let turned = self.turned.iter().enumerate();
-                    let pairs: Vec<[usize; 2]> =
-                        turned.map(|(k, turned)| [3 * k + axis, first + turned.parameter]).collect();
-                    stretch.forces.weighted(&pairs, of_forces, size).collect()
-                });
+                let along = stretch.forces.weighted_along(&self.turned, of_forces, [first, size]);
                 for (row, turn) in stretch.turns.iter().enumerate() {
                     let body = turn * Vector3::from(along.each_ref().map(|axis| axis[row]));
                     for (column, value) in own.iter_mut().zip(body.iter()) {
-                        column.get_or_insert_default().push(*value);
+                        column.get_or_insert_with(|| Vec::with_capacity(self.rows())).push(*value);
                     }
                 }
             }
@@ -391,8 +391,28 @@ impl Signals {
             pairs.iter().map(|[signal, weight]| sample[*signal] * weights[*weight]).sum()
         };
         let samples = self.samples.chunks_exact(self.width).zip(weights.chunks_exact(size));
-        let sum: Vec<f64> = samples.map(at).collect();
-        let row = move |start: &usize| sum_of_products(&sum[*start..start + self.taps.len()], &self.taps);
+        self.rows_of(samples.map(at).collect())
+    }
+
+    /// The rows of the sum of forces, each times its weight, along north, east and down. Of `size` weights at each sample, theirs begin at
+    /// `first`.
+    fn weighted_along(&self, turned: &[Turned], weights: &[f64], [first, size]: [usize; 2]) -> [Vec<f64>; 3] {
+        let samples = self.samples.chunks_exact(self.width).zip(weights.chunks_exact(size));
+        let mut sums: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(samples.len()));
+        for (sample, weights) in samples {
+            let mut sum = [0.0; 3];
+            for (force, turned) in sample.as_chunks::<3>().0.iter().zip(turned) {
+                let weight = weights[first + turned.parameter];
+                sum.iter_mut().zip(force).for_each(|(sum, along)| *sum += weight * along);
+            }
+            sums.iter_mut().zip(sum).for_each(|(all, sum)| all.push(sum));
+        }
+        sums.map(|sum| self.rows_of(sum).collect())
+    }
+
+    /// The rows of a signal at the samples.
+    fn rows_of(&self, signal: Vec<f64>) -> impl Iterator<Item = f64> {
+        let row = move |start: &usize| sum_of_products(&signal[*start..start + self.taps.len()], &self.taps);
         self.windows.iter().map(row)
     }
 

@@ -55,7 +55,7 @@ impl Prepared {
             let Effect::User(user) = effect else { continue };
             for column in user.columns_named() {
                 let is_it = |place: &usize| places[*place] == column;
-                let is_there = |stretch: &Stretch| stretch.further.iter().any(|(place, _)| is_it(place));
+                let is_there = |stretch: &Stretch| stretch.further_places.iter().any(is_it);
                 if !self.stretches.iter().all(is_there) {
                     return Err(PrepareError::NoColumn { column, effect: user.info().id });
                 }

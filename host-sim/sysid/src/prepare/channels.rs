@@ -101,6 +101,7 @@ impl<'a> Channels<'a> {
             outliers: Vec::new(),
             gust_ned_m_s: None,
             further: Vec::new(),
+            further_places: Vec::new(),
             measured: even.measured,
             time_s: even.time_s,
         }

@@ -6,7 +6,7 @@
 use std::borrow::Cow;
 
 use flights::Flight;
-use model::user_effects;
+use model::{NO_FURTHER, user_effects};
 
 use crate::prepare::stretch::Stretch;
 
@@ -20,8 +20,11 @@ pub(super) fn put(stretches: &mut [Stretch], flight: &Flight, t: &[f64]) {
         let (times, values): (Vec<f64>, Vec<f64>) =
             t.iter().zip(&*values).filter(|(_, value)| value.is_finite()).unzip();
         for stretch in stretches.iter_mut() {
-            let on_grid = stretch.time_s.iter().map(|time| straight(&times, &values, *time)).collect();
-            stretch.further.push((place, on_grid));
+            stretch.further.resize(stretch.time_s.len(), NO_FURTHER);
+            stretch.further_places.push(place);
+            for (further, time) in stretch.further.iter_mut().zip(&stretch.time_s) {
+                further[place] = straight(&times, &values, *time);
+            }
         }
     }
 }

@@ -38,8 +38,10 @@ pub struct Stretch {
     pub outliers: Vec<Outlier>,
     /// Wind that wanders within the flight at each sample, north and east, m/s, beside the constant one; nothing where none was found.
     pub gust_ned_m_s: Option<[Vec<f64>; 2]>,
-    /// Further columns that formulas name, each with its place in a sample; NaN where nothing is known.
-    pub further: Vec<(usize, Vec<f64>)>,
+    /// Further columns that formulas name, by their places in a sample; NaN where nothing is known. None at all where the flight has none.
+    pub further: Vec<Further>,
+    /// The places of those that the flight has.
+    pub further_places: Vec<usize>,
 }
 
 /// One rotor over a stretch.
@@ -75,24 +77,22 @@ impl Stretch {
                 .map(|outlier| Outlier { row: outlier.row - range.start, ..*outlier })
                 .collect(),
             gust_ned_m_s: self.gust_ned_m_s.as_ref().map(|all| cut(all, &range)),
-            further: self.further.iter().map(|(place, all)| (*place, all[range.clone()].to_vec())).collect(),
+            further: self.further.get(range).map_or_else(Vec::new, <[Further]>::to_vec),
+            further_places: self.further_places.clone(),
         }
     }
 
     /// The further columns at a sample.
     #[inline]
     pub fn further_at(&self, k: usize) -> Further {
-        let mut values = NO_FURTHER;
-        self.further.iter().for_each(|(place, all)| values[*place] = all[k]);
-        values
+        self.further.get(k).copied().unwrap_or(NO_FURTHER)
     }
 
     /// The further columns halfway between a sample and the next.
     #[inline]
     pub(crate) fn further_after(&self, k: usize) -> Further {
-        let mut values = NO_FURTHER;
-        self.further.iter().for_each(|(place, all)| values[*place] = 0.5 * (all[k] + all[k + 1]));
-        values
+        let Some([here, next]) = self.further.get(k..k + 2) else { return NO_FURTHER };
+        std::array::from_fn(|place| 0.5 * (here[place] + next[place]))
     }
 
     /// Battery at a sample, and the further columns halfway to the next.
