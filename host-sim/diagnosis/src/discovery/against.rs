@@ -5,7 +5,7 @@ use std::ops::Range;
 use nalgebra::DMatrix;
 
 use crate::discovery::problem::Problem;
-use crate::discovery::products::Columns;
+use crate::discovery::products::{AT_ONCE, Columns};
 
 /// What columns are held against on each axis: the basis of what the model takes, then residuals. The first of these is that which the
 /// model leaves, the others have its colour and random phases.
@@ -21,9 +21,6 @@ pub(crate) struct Against {
     /// Residuals.
     pub(crate) residuals: usize,
 }
-
-/// Columns on an axis are a multiple of this.
-const AT_ONCE: usize = 16;
 
 impl Against {
     pub(crate) fn new(problem: &Problem<'_>, others: &[[Vec<f64>; 6]]) -> Self {

@@ -23,15 +23,17 @@ pub(super) struct Columns<'a> {
 pub(super) fn products(one: Columns<'_>, other: Columns<'_>) -> DMatrix<f32> {
     // As many at once as registers hold.
     match (one.count, other.count) {
-        (OWN.., 16..) => products_with::<16>(one, other),
+        (OWN.., AT_ONCE..) => products_with::<AT_ONCE>(one, other),
         (OWN.., 8..) => products_with::<8>(one, other),
         (OWN.., 4..) => products_with::<4>(one, other),
         _ => products_one_by_one(one, other),
     }
 }
 
-/// Columns whose products with others are summed at once.
+/// Columns whose products with others are summed at once, ...
 const OWN: usize = 4;
+/// ... and how many these others are where there are enough: what has a multiple of so many is summed in the least time.
+pub(super) const AT_ONCE: usize = 16;
 
 /// The sums of so many columns with so many others at once.
 #[inline(always)]

@@ -241,8 +241,9 @@ impl Growing {
         Self { columns: vec![RowColumn::default(); columns], rows }
     }
 
+    /// Appends a value to one of them on an axis.
     #[inline]
-    fn push(&mut self, parameter: usize, axis: usize, value: f64) {
+    pub(crate) fn push(&mut self, parameter: usize, axis: usize, value: f64) {
         self.columns[parameter][axis].get_or_insert_with(|| Vec::with_capacity(self.rows)).push(value);
     }
 

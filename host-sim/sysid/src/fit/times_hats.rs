@@ -13,7 +13,7 @@ use crate::filter::sum_of_products;
 use crate::fit::even_hats::{EvenHats, Pair, add_products};
 use crate::fit::least_squares::RowColumn;
 use crate::fit::slow;
-use crate::fit::terms::{Place, Slots, Terms, Turned};
+use crate::fit::terms::{Growing, Place, Slots, Terms, Turned};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch};
 
 /// What the parameters of terms multiply wherever regressors of a flight are formed, through no filter yet.
@@ -186,11 +186,6 @@ impl TermSignals {
         &self.layout.places[..self.layout.wanted]
     }
 
-    /// Rows of the flight.
-    fn rows(&self) -> usize {
-        self.stretches.iter().map(|stretch| stretch.turns.len()).sum()
-    }
-
     /// So many columns, each a sum of the terms: `weights` writes for each column what each parameter of the terms is multiplied by, from
     /// the values of the quantities at a sample.
     pub fn weighted(
@@ -200,7 +195,8 @@ impl TermSignals {
         weights: impl Fn(&[f64], &mut [f64]),
     ) -> Vec<RowColumn> {
         let size = columns * self.parameters;
-        let mut all = vec![RowColumn::default(); columns];
+        let rows = self.stretches.iter().map(|stretch| stretch.turns.len()).sum();
+        let mut all = Growing::new(columns, rows);
         for (index, stretch) in self.stretches.iter().enumerate() {
             let formed = |pick: fn(&Formed) -> &Vec<f64>| {
                 let of: Vec<&[f64]> = quantities.iter().map(|own| &pick(&own.0[index])[..]).collect();
@@ -209,30 +205,33 @@ impl TermSignals {
             let of_moments = formed(|own| &own.moments);
             let apart = self.apart.then(|| formed(|own| &own.forces));
             let of_forces = apart.as_ref().unwrap_or(&of_moments);
-            for (k, own) in all.iter_mut().enumerate() {
+            for k in 0..columns {
                 let first = k * self.parameters;
-                for (axis, own) in own.iter_mut().enumerate().skip(3) {
+                for axis in 3..6 {
                     let acting = self.moments().iter().enumerate().filter(|(_, place)| place.axis == axis);
                     let pairs: Vec<[usize; 2]> =
                         acting.map(|(signal, place)| [signal, first + place.parameter]).collect();
                     if !pairs.is_empty() {
                         let rows = stretch.moments.weighted(&pairs, &of_moments, size);
-                        own.get_or_insert_with(|| Vec::with_capacity(self.rows())).extend(rows);
+                        rows.for_each(|value| all.push(k, axis, value));
                     }
                 }
                 if self.turned.is_empty() {
                     continue;
                 }
-                let along = stretch.forces.weighted_along(&self.turned, of_forces, [first, size]);
+                let along: [Vec<f64>; 3] = std::array::from_fn(|axis| {
+                    let turned = self.turned.iter().enumerate();
+                    let pairs: Vec<[usize; 2]> =
+                        turned.map(|(k, turned)| [3 * k + axis, first + turned.parameter]).collect();
+                    stretch.forces.weighted(&pairs, of_forces, size).collect()
+                });
                 for (row, turn) in stretch.turns.iter().enumerate() {
                     let body = turn * Vector3::from(along.each_ref().map(|axis| axis[row]));
-                    for (column, value) in own.iter_mut().zip(body.iter()) {
-                        column.get_or_insert_with(|| Vec::with_capacity(self.rows())).push(*value);
-                    }
+                    body.iter().enumerate().for_each(|(axis, value)| all.push(k, axis, *value));
                 }
             }
         }
-        all
+        all.into_columns()
     }
 
     /// Terms that are weighted sums of these, which act on forces alone; the weights as in [`Self::weighted`].
@@ -391,28 +390,8 @@ impl Signals {
             pairs.iter().map(|[signal, weight]| sample[*signal] * weights[*weight]).sum()
         };
         let samples = self.samples.chunks_exact(self.width).zip(weights.chunks_exact(size));
-        self.rows_of(samples.map(at).collect())
-    }
-
-    /// The rows of the sum of forces, each times its weight, along north, east and down. Of `size` weights at each sample, theirs begin at
-    /// `first`.
-    fn weighted_along(&self, turned: &[Turned], weights: &[f64], [first, size]: [usize; 2]) -> [Vec<f64>; 3] {
-        let samples = self.samples.chunks_exact(self.width).zip(weights.chunks_exact(size));
-        let mut sums: [Vec<f64>; 3] = std::array::from_fn(|_| Vec::with_capacity(samples.len()));
-        for (sample, weights) in samples {
-            let mut sum = [0.0; 3];
-            for (force, turned) in sample.as_chunks::<3>().0.iter().zip(turned) {
-                let weight = weights[first + turned.parameter];
-                sum.iter_mut().zip(force).for_each(|(sum, along)| *sum += weight * along);
-            }
-            sums.iter_mut().zip(sum).for_each(|(all, sum)| all.push(sum));
-        }
-        sums.map(|sum| self.rows_of(sum).collect())
-    }
-
-    /// The rows of a signal at the samples.
-    fn rows_of(&self, signal: Vec<f64>) -> impl Iterator<Item = f64> {
-        let row = move |start: &usize| sum_of_products(&signal[*start..start + self.taps.len()], &self.taps);
+        let sum: Vec<f64> = samples.map(at).collect();
+        let row = move |start: &usize| sum_of_products(&sum[*start..start + self.taps.len()], &self.taps);
         self.windows.iter().map(row)
     }
 
