@@ -106,6 +106,9 @@ impl From<std::io::Error> for Stop {
     }
 }
 
+/// Number of the schema of a channel that has none.
+const NO_SCHEMA: u16 = 0;
+
 /// What a recording becomes.
 struct Copy<W: Write + Seek> {
     writer: Writer<W>,
@@ -131,8 +134,10 @@ impl<W: Write + Seek> Copy<W> {
                 self.schemas.insert(id, self.writer.add_schema(name, encoding, text)?);
             }
             Found::Channel { id, schema, topic, encoding } => {
-                // Of a channel whose schema is lost, that of this version will do.
-                if let Some(&schema) = self.schemas.get(&schema) {
+                let schema = self.schemas.get(&schema).copied();
+                // Of a channel whose schema is lost, that of this version will do; one that this version does not have goes without.
+                if schema.is_some() || !self.channels.contains_key(&id) {
+                    let schema = schema.unwrap_or(NO_SCHEMA);
                     let own = self.writer.add_channel(schema, topic, encoding, &BTreeMap::new())?;
                     self.channels.insert(id, (own, topic == TOPICS[0].0));
                 }
@@ -340,6 +345,26 @@ mod tests {
             let finished = finished_of(&folder.path().join(format!("bit{bit}")), &damaged);
             assert!(finished.completeness.messages >= 29, "bit {bit}: {finished:?}");
         }
+    }
+
+    /// A channel of another version, whose schema stood on a damaged page.
+    #[test]
+    fn messages_of_a_channel_whose_schema_is_lost_are_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let (mut bytes, _) = unclosed(&folder.path().join("whole"), 3);
+        let record = |kind: u8, content: &[&[u8]]| {
+            let content = content.concat();
+            [&[kind][..], &(content.len() as u64).to_le_bytes(), &content].concat()
+        };
+        let (id, lost_schema) = (100_u16.to_le_bytes(), 200_u16.to_le_bytes());
+        let channel: [&[u8]; 7] =
+            [&id, &lost_schema, &5_u32.to_le_bytes(), b"/wind", &4_u32.to_le_bytes(), b"json", &[0; 4]];
+        let message: [&[u8]; 3] = [&id, &[0; 4 + 8 + 8], b"{\"tick\":77}"];
+        bytes.extend(record(mcap::records::op::CHANNEL, &channel));
+        bytes.extend(record(mcap::records::op::MESSAGE, &message));
+        let finished = finished_of(&folder.path().join("other"), &bytes);
+        assert_eq!(finished.completeness.messages, 4);
+        assert_eq!(ticks_in(&finished.mcap), [77, 0, 1, 2], "in the order of their times");
     }
 
     #[test]
