@@ -21,6 +21,10 @@ pub(crate) struct Factor {
 const MOST_FACTORS: usize = 4;
 /// Values of the quantities of a form at most: those of each rotor, or those at a place.
 const MOST_VALUES: usize = 4 * MOST_FACTORS + 3;
+/// Numbers that say what a shape is at a sample: its value, its slope over its quantity, and those over its parameters.
+const OF_SHAPE: usize = 4;
+/// Values of the shapes of a form at most: those of each rotor, or those at a place.
+const MOST_SHAPED: usize = OF_SHAPE * 4 * MOST_FACTORS + 3;
 /// Weights of a form at most: of four parts, for the parameters of its shapes and its center.
 const MOST_WEIGHTS: usize = 4 * (2 * MOST_FACTORS + 3);
 
@@ -67,12 +71,6 @@ impl Form {
             Some(center) if variable.is_distance() => variable.flown().distances(center),
             _ => variable.span,
         }
-    }
-
-    /// The values and slopes of its shapes, from values of their quantities.
-    #[inline]
-    fn slopes(&self, values: &[f64]) -> impl Iterator<Item = Slopes> {
-        self.factors.iter().zip(values).map(|(factor, value)| factor.shape.slopes(*value))
     }
 
     /// What it looks back at.
@@ -229,22 +227,52 @@ impl<'a> FormTerms<'a> {
         if self.form.channel.is_each_rotor() { 4 } else { 1 }
     }
 
-    /// What each of the ways to act that are formed once is multiplied by, term by term.
-    pub(crate) fn weights(&self, values: &[f64], weights: &mut [f64]) {
-        if let Some(center) = self.form.channel.center() {
-            return self.weights_about(center, values, weights);
+    /// The shapes at a sample, from those values: of each rotor where each has its own; then the place where there is a center.
+    pub(crate) fn shapes(&self, values: &[f64], found: &mut [f64]) {
+        let (values, place) = values.split_at(self.rotors() * self.form.factors.len());
+        let (found, found_place) = found.split_at_mut(OF_SHAPE * values.len());
+        found_place.iter_mut().zip(place).for_each(|(own, along)| *own = *along);
+        let from = self.form.channel.center().map(|center| (center, Vector3::from_row_slice(place)));
+        let shapes = found.as_chunks_mut::<OF_SHAPE>().0.iter_mut().zip(values);
+        for ((own, value), factor) in shapes.zip(self.form.factors.iter().cycle()) {
+            let value = match &from {
+                Some((center, place)) if self.is_distance(factor) => center.distance_m(place),
+                _ => *value,
+            };
+            let Slopes { value, over_x, over } = factor.shape.slopes(value);
+            *own = [value, over_x, over[0], over[1]];
         }
+    }
+
+    /// How many numbers these are.
+    pub(crate) fn shaped_count(&self) -> usize {
+        let of_shapes = self.rotors() * self.form.factors.len();
+        self.value_count() + (OF_SHAPE - 1) * of_shapes
+    }
+
+    /// Whether a factor is of the distance from the center.
+    fn is_distance(&self, factor: &Factor) -> bool {
+        self.variables[factor.variable].is_distance()
+    }
+
+    /// What each of the ways to act that are formed once is multiplied by, term by term, from the shapes at a sample.
+    pub(crate) fn weights(&self, shapes: &[f64], weights: &mut [f64]) {
         let count = self.form.factors.len();
+        let (shapes, place) = shapes.split_at(OF_SHAPE * self.rotors() * count);
+        let shapes = shapes.as_chunks::<OF_SHAPE>().0;
+        if let Some(center) = self.form.channel.center() {
+            return self.weights_about(center, &Product(shapes), &Vector3::from_row_slice(place), weights);
+        }
         if self.form.channel.is_each_rotor() {
             for rotor in 0..4 {
-                let product = Product::new(self.form.slopes(&values[rotor * count..][..count]));
+                let product = Product(&shapes[rotor * count..][..count]);
                 for (term, own) in weights.chunks_exact_mut(4).enumerate() {
                     own[rotor] = self.amplitude(term, 0) * self.scalar(&product, term);
                 }
             }
             return;
         }
-        let product = Product::new(self.form.slopes(values));
+        let product = Product(shapes);
         for (term, own) in weights.chunks_exact_mut(self.form.channel.amplitudes()).enumerate() {
             let scalar = self.scalar(&product, term);
             own.iter_mut().enumerate().for_each(|(k, weight)| *weight = self.amplitude(term, k) * scalar);
@@ -260,7 +288,7 @@ impl<'a> FormTerms<'a> {
     }
 
     /// The value of the shapes, or their slope over a parameter.
-    fn scalar(&self, product: &Product, term: usize) -> f64 {
+    fn scalar(&self, product: &Product<'_>, term: usize) -> f64 {
         match self.parameter(term) {
             Some(Parameter::OfShape { factor, number }) => product.over(factor, number),
             Some(Parameter::Center(_)) => 0.0,
@@ -277,27 +305,25 @@ impl<'a> FormTerms<'a> {
     }
 
     /// Along north, east and down.
-    fn weights_about(&self, center: Center, values: &[f64], weights: &mut [f64]) {
-        let factors = &self.form.factors;
-        let (values, place) = values.split_at(factors.len());
-        let place = Vector3::from_row_slice(place);
-        let is_distance = |factor: &Factor| self.variables[factor.variable].is_distance();
-        let mut own = [0.0; MOST_FACTORS];
-        for ((own, factor), value) in own.iter_mut().zip(factors).zip(values) {
-            *own = if is_distance(factor) { center.distance_m(&place) } else { *value };
-        }
-        let product = Product::new(self.form.slopes(&own));
-        let direction = center.direction_from(&place);
+    fn weights_about(
+        &self,
+        center: Center,
+        product: &Product<'_>,
+        place: &Vector3<f64>,
+        weights: &mut [f64],
+    ) {
+        let direction = center.direction_from(place);
         for (term, weights) in weights.chunks_exact_mut(3).enumerate() {
             let force = match self.parameter(term) {
                 // A center that moves turns the force, and changes the distance.
                 Some(Parameter::Center(axis)) => {
-                    let (distance, turn) = center.slopes_along(axis, &place);
-                    let of_distance = factors.iter().enumerate().filter(|(_, factor)| is_distance(factor));
+                    let (distance, turn) = center.slopes_along(axis, place);
+                    let factors = self.form.factors.iter().enumerate();
+                    let of_distance = factors.filter(|(_, factor)| self.is_distance(factor));
                     let over_distance: f64 = of_distance.map(|(k, _)| product.over_quantity(k)).sum();
                     turn * product.value() + direction * (over_distance * distance)
                 }
-                _ => direction * self.scalar(&product, term),
+                _ => direction * self.scalar(product, term),
             };
             weights.copy_from_slice((force * self.amplitude(term, 0)).as_slice());
         }
@@ -305,35 +331,29 @@ impl<'a> FormTerms<'a> {
 }
 
 /// The shapes of a form at a sample.
-struct Product {
-    factors: [Slopes; MOST_FACTORS],
-}
+struct Product<'a>(&'a [[f64; OF_SHAPE]]);
 
-impl Product {
-    fn new(of: impl Iterator<Item = Slopes>) -> Self {
-        let mut factors = [Slopes { value: 1.0, over_x: 0.0, over: [0.0; 2] }; MOST_FACTORS];
-        factors.iter_mut().zip(of).for_each(|(own, slopes)| *own = slopes);
-        Self { factors }
-    }
-
+impl Product<'_> {
     fn value(&self) -> f64 {
-        self.factors.iter().map(|factor| factor.value).product()
+        self.0.iter().map(|[value, ..]| value).product()
     }
 
     /// With a slope in the place of the value of a factor.
     fn with(&self, factor: usize, slope: f64) -> f64 {
-        let others = self.factors.iter().enumerate().filter(|(k, _)| *k != factor);
-        others.map(|(_, other)| other.value).product::<f64>() * slope
+        let others = self.0.iter().enumerate().filter(|(k, _)| *k != factor);
+        others.map(|(_, [value, ..])| value).product::<f64>() * slope
     }
 
     /// Its slope over a parameter of a factor.
     fn over(&self, factor: usize, number: usize) -> f64 {
-        self.with(factor, self.factors[factor].over[number])
+        let [_, _, over @ ..] = self.0[factor];
+        self.with(factor, over[number])
     }
 
     /// Its slope over the quantity of a factor.
     fn over_quantity(&self, factor: usize) -> f64 {
-        self.with(factor, self.factors[factor].over_x)
+        let [_, over_quantity, ..] = self.0[factor];
+        self.with(factor, over_quantity)
     }
 }
 
@@ -370,11 +390,15 @@ impl Terms for FormTerms<'_> {
         let mut formed = Formed::default();
         self.formed_once.evaluate(sample, &mut formed);
         let parts = self.formed_once.count();
-        let (mut values, mut weights) = ([0.0; MOST_VALUES], [0.0; MOST_WEIGHTS]);
+        let mut values = [0.0; MOST_VALUES];
         let values = &mut values[..self.value_count()];
         self.values(sample, values);
+        let mut shapes = [0.0; MOST_SHAPED];
+        let shapes = &mut shapes[..self.shaped_count()];
+        self.shapes(values, shapes);
+        let mut weights = [0.0; MOST_WEIGHTS];
         let weights = &mut weights[..self.count() * parts];
-        self.weights(values, weights);
+        self.weights(shapes, weights);
         let has_several = self.form.channel.amplitudes() > 1;
         for (term, weights) in weights.chunks_exact(parts).enumerate() {
             let acts = |part: &usize| !has_several || self.amplitude(term, *part) != 0.0;

@@ -1,7 +1,9 @@
 //! A form fitted exactly: its amplitudes and the parameters of its shapes beside all of the model's coefficients, by variable
 //! projection, and what it is worth on each training flight when it is fitted to the others.
 
+use std::borrow::Borrow;
 use std::ops::Range;
+use std::sync::Arc;
 
 use model::{LagId, Sample};
 use nalgebra::{DMatrix, DVector};
@@ -33,23 +35,30 @@ pub(crate) struct Refined {
 
 /// A form at its parameters: the amplitudes that fit best, and what they take.
 struct At {
+    shapes: Shapes,
     /// Of the amplitudes.
     columns: Columns,
     amplitudes: DVector<f64>,
     gain: f64,
 }
 
+/// The shapes of a form at the samples of each flight; nothing where whole columns are wanted.
+type Shapes = Option<Vec<QuantitySignal>>;
+
 /// Columns, and how much of what the model's own coefficients can take there is in them: a column of numbers for each.
 #[derive(Clone)]
 struct Columns {
-    white: Vec<White>,
+    white: Vec<Arc<White>>,
     absorbed: DMatrix<f64>,
 }
 
 impl Columns {
     fn new(problem: &Problem<'_>, white: Vec<White>) -> Self {
         let absorbed: Vec<DVector<f64>> = white.iter().map(|column| problem.absorbed(column)).collect();
-        Self { absorbed: DMatrix::from_fn(problem.taken, white.len(), |k, c| absorbed[c][k]), white }
+        Self {
+            absorbed: DMatrix::from_fn(problem.taken, white.len(), |k, c| absorbed[c][k]),
+            white: white.into_iter().map(Arc::new).collect(),
+        }
     }
 
     fn append(&mut self, more: Self) {
@@ -85,29 +94,40 @@ impl<'a> Place<'a> {
         Self { problem, variables, formed: problem.prepared().map(of_flight).collect() }
     }
 
-    fn columns(&self, terms: &FormTerms<'_>) -> Columns {
-        Columns::new(self.problem, self.white(terms))
+    fn shapes(&self, terms: &FormTerms<'_>) -> Shapes {
+        let of_flight = |(_, quantities): &(TermSignals, Vec<QuantitySignal>)| {
+            let shapes = |values: &[f64], shapes: &mut [f64]| terms.shapes(values, shapes);
+            QuantitySignal::several(quantities, terms.shaped_count(), shapes)
+        };
+        self.formed.as_ref().map(|formed| formed.iter().map(of_flight).collect())
     }
 
-    fn white(&self, terms: &FormTerms<'_>) -> Vec<White> {
-        let Some(formed) = &self.formed else { return self.problem.columns(terms) };
-        let of_flight = |(signals, quantities): &(TermSignals, Vec<QuantitySignal>)| {
-            signals.weighted(quantities, terms.count(), |values, weights| terms.weights(values, weights))
+    fn columns(&self, terms: &FormTerms<'_>, shapes: &Shapes) -> Columns {
+        Columns::new(self.problem, self.white(terms, shapes))
+    }
+
+    fn white(&self, terms: &FormTerms<'_>, shapes: &Shapes) -> Vec<White> {
+        let (Some(formed), Some(shapes)) = (&self.formed, shapes) else { return self.problem.columns(terms) };
+        let of_flight = |((signals, _), shapes): (&(TermSignals, Vec<QuantitySignal>), &QuantitySignal)| {
+            let weights = |shapes: &[f64], weights: &mut [f64]| terms.weights(shapes, weights);
+            signals.weighted(std::slice::from_ref(shapes), terms.count(), weights)
         };
-        self.problem.white_columns(formed.iter().map(of_flight).collect())
+        self.problem.white_columns(formed.iter().zip(shapes).map(of_flight).collect())
     }
 }
 
 impl At {
     fn new(place: &Place<'_>, form: &Form) -> Option<Self> {
         let problem = place.problem;
-        let columns = place.columns(&FormTerms::of_amplitudes(form, place.variables));
+        let terms = FormTerms::of_amplitudes(form, place.variables);
+        let shapes = place.shapes(&terms);
+        let columns = place.columns(&terms, &shapes);
         let gram = columns.gram(problem);
         // The residual has nothing in it that the model's own coefficients can take.
         let right = with_residual(problem, &columns.white, &(0..problem.rows));
         let amplitudes = gram.cholesky()?.solve(&right);
         let gain = amplitudes.dot(&right);
-        gain.is_finite().then_some(Self { columns, amplitudes, gain })
+        gain.is_finite().then_some(Self { shapes, columns, amplitudes, gain })
     }
 
     /// Columns of the amplitudes, then of the parameters at these amplitudes. The form is that which this is of.
@@ -115,7 +135,7 @@ impl At {
         let mut all = self.columns.clone();
         if !form.parameters().is_empty() {
             let slopes = FormTerms::slopes(form, self.amplitudes.as_slice(), place.variables);
-            all.append(place.columns(&slopes));
+            all.append(place.columns(&slopes, &self.shapes));
         }
         all
     }
@@ -134,20 +154,23 @@ fn dot<'a>(
 }
 
 /// Columns with each other, over some rows.
-fn gram(columns: &[White], rows: &Range<usize>) -> DMatrix<f64> {
+fn gram(columns: &[impl Borrow<White>], rows: &Range<usize>) -> DMatrix<f64> {
     let mut all = DMatrix::zeros(columns.len(), columns.len());
     for (r, one) in columns.iter().enumerate() {
         for (c, other) in columns.iter().enumerate().take(r + 1) {
-            let product = dot(by_axis(one), by_axis(other), rows);
+            let product = dot(by_axis(one.borrow()), by_axis(other.borrow()), rows);
             (all[(r, c)], all[(c, r)]) = (product, product);
         }
     }
     all
 }
 
-fn with_residual(problem: &Problem<'_>, columns: &[White], rows: &Range<usize>) -> DVector<f64> {
+fn with_residual(problem: &Problem<'_>, columns: &[impl Borrow<White>], rows: &Range<usize>) -> DVector<f64> {
     let residual = || problem.residual.iter().map(|axis| Some(axis.as_slice()));
-    DVector::from_iterator(columns.len(), columns.iter().map(|own| dot(by_axis(own), residual(), rows)))
+    DVector::from_iterator(
+        columns.len(),
+        columns.iter().map(|own| dot(by_axis(own.borrow()), residual(), rows)),
+    )
 }
 
 fn by_axis(column: &White) -> impl Iterator<Item = Option<&[f64]>> {
@@ -240,7 +263,7 @@ fn left_out(place: &Place<'_>, (form, at): (&Form, &At)) -> (f64, usize) {
     let problem = place.problem;
     let Columns { white: mut jacobian, absorbed } = at.jacobian(place, form);
     for (column, absorbed) in jacobian.iter_mut().zip(absorbed.column_iter()) {
-        problem.take_out_absorbed(column, &absorbed.into_owned());
+        problem.take_out_absorbed(Arc::make_mut(column), &absorbed.into_owned());
     }
     let of_flight = |rows| (gram(&jacobian, &rows), with_residual(problem, &jacobian, &rows));
     let parts: Vec<(DMatrix<f64>, DVector<f64>)> = problem.ranges().map(of_flight).collect();
@@ -323,9 +346,10 @@ mod tests {
             };
             let amplitudes = &[0.7, -0.4][..form.channel.amplitudes()];
             let of_amplitudes = FormTerms::of_amplitudes(&form, &variables);
-            near(&place.white(&of_amplitudes), &problem.columns(&of_amplitudes), 1e-9, "amplitude");
+            let shapes = place.shapes(&of_amplitudes);
+            near(&place.white(&of_amplitudes, &shapes), &problem.columns(&of_amplitudes), 1e-9, "amplitude");
             let slopes = FormTerms::slopes(&form, amplitudes, &variables);
-            near(&place.white(&slopes), &problem.columns(&slopes), 1e-9, "slope");
+            near(&place.white(&slopes, &shapes), &problem.columns(&slopes), 1e-9, "slope");
             // Slopes against differences of what the amplitudes multiply.
             let with = |parameter, by: f64| {
                 let moved = form.with(parameter, form.value(parameter) + by);
@@ -340,7 +364,7 @@ mod tests {
                 combined(&with(parameter, step), 0.5 / step, &with(parameter, -step), -0.5 / step)
             };
             let expected: Vec<White> = form.parameters().into_iter().map(by_difference).collect();
-            near(&place.white(&slopes), &expected, 1e-6, "difference");
+            near(&place.white(&slopes, &shapes), &expected, 1e-6, "difference");
         }
     }
 

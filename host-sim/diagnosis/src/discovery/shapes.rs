@@ -127,9 +127,11 @@ impl Family {
             Self::HingeAbove => moved((x - a).max(0.0), if x > a { 1.0 } else { 0.0 }, -1.0),
             Self::HingeBelow => moved((a - x).max(0.0), if x < a { -1.0 } else { 0.0 }, -1.0),
             Self::Step | Self::Edge => {
-                let tanh = ((x - a) / b).tanh();
-                let over_x = 0.5 * (1.0 - tanh * tanh) / b;
-                Slopes { value: 0.5 + 0.5 * tanh, over_x, over: [-over_x, -over_x * (x - a) / b] }
+                let off = (x - a) / b;
+                // (1 + tanh(off)) / 2.
+                let value = 1.0 / (1.0 + (-2.0 * off).exp());
+                let over_x = 2.0 * value * (1.0 - value) / b;
+                Slopes { value, over_x, over: [-over_x, -over_x * off] }
             }
             Self::Saturation => {
                 let tanh = (x / a).tanh();
@@ -153,8 +155,9 @@ impl Family {
             }
             Self::Wave => {
                 let phase = std::f64::consts::TAU * (x - a) / b;
-                let over_x = -phase.sin() * std::f64::consts::TAU / b;
-                Slopes { value: phase.cos(), over_x, over: [-over_x, -over_x * (x - a) / b] }
+                let (sin, cos) = phase.sin_cos();
+                let over_x = -sin * std::f64::consts::TAU / b;
+                Slopes { value: cos, over_x, over: [-over_x, -over_x * (x - a) / b] }
             }
         }
     }

@@ -292,10 +292,11 @@ impl Kept {
             }
             return &self.values;
         }
-        for (k, (operation, depends)) in tape.operations.iter().zip(&tape.depends).enumerate() {
-            let place = first_result + k;
-            let is_as_before = depends & changed == 0;
-            self.moved[place] = if is_as_before { self.values[place] } else { operation.apply(&self.moved) };
+        self.moved[first_result..].copy_from_slice(&self.values[first_result..]);
+        for (k, depends) in tape.depends.iter().enumerate() {
+            if depends & changed != 0 {
+                self.moved[first_result + k] = tape.operations[k].apply(&self.moved);
+            }
         }
         &self.moved
     }

@@ -47,29 +47,46 @@ struct Signals {
     windows: Vec<usize>,
 }
 
-/// A quantity wherever regressors of a flight are formed, by stretch.
-pub struct QuantitySignal(Vec<Formed>);
+/// A quantity, or several side by side, wherever regressors of a flight are formed.
+pub struct QuantitySignal {
+    /// How many values there are at a sample.
+    width: usize,
+    stretches: Vec<Formed>,
+}
 
 impl QuantitySignal {
     /// What follows from other quantities at a sample.
     pub fn of(others: &[Self], value: impl Fn(&[f64]) -> f64) -> Self {
-        let stretches = others.first().map_or(0, |other| other.0.len());
-        let formed = |index: usize, pick: fn(&Formed) -> &Vec<f64>| {
-            let of: Vec<&[f64]> = others.iter().map(|own| &pick(&own.0[index])[..]).collect();
-            at_each_sample(&of, 1, &|values: &[f64], found: &mut [f64]| found[0] = value(values))
-        };
+        Self::several(others, 1, |values, found| found[0] = value(values))
+    }
+
+    /// So many values side by side, which `of` writes from those of other quantities at a sample.
+    pub fn several(others: &[Self], width: usize, of: impl Fn(&[f64], &mut [f64])) -> Self {
+        let stretches = others.first().map_or(0, |other| other.stretches.len());
+        let apart = |index: usize| others.iter().any(|own| own.stretches[index].forces.is_some());
         let in_stretch = |index: usize| Formed {
-            forces: formed(index, |own| &own.forces),
-            moments: formed(index, |own| &own.moments),
+            forces: apart(index).then(|| at_each_sample(others, (index, Formed::forces), width, &of)),
+            moments: at_each_sample(others, (index, Formed::moments), width, &of),
         };
-        Self((0..stretches).map(in_stretch).collect())
+        Self { width, stretches: (0..stretches).map(in_stretch).collect() }
     }
 }
 
 /// A quantity in a stretch, where its regressors are formed.
 struct Formed {
-    forces: Vec<f64>,
+    /// Nothing where forces are formed with the moments.
+    forces: Option<Vec<f64>>,
     moments: Vec<f64>,
+}
+
+impl Formed {
+    fn forces(&self) -> &[f64] {
+        self.forces.as_deref().unwrap_or(&self.moments)
+    }
+
+    fn moments(&self) -> &[f64] {
+        &self.moments
+    }
 }
 
 impl Prepared {
@@ -107,24 +124,26 @@ impl Prepared {
         of: impl Fn(&Sample, &mut [f64]),
     ) -> Vec<QuantitySignal> {
         let plant = Plant::new(model);
-        let mut all: Vec<QuantitySignal> = (0..count).map(|_| QuantitySignal(Vec::new())).collect();
+        let empty = |_| QuantitySignal { width: 1, stretches: Vec::new() };
+        let mut all: Vec<QuantitySignal> = (0..count).map(empty).collect();
         let mut values = vec![0.0; count];
         for stretch in &self.stretches {
             let states = self.remembering_states(stretch, &model.vehicle, &plant, lags.iter().copied());
             let empty = || vec![Vec::with_capacity(states.len()); count];
-            let (mut moments, mut forces) = (empty(), empty());
+            let mut moments = empty();
             let mut put = |input: &SampleInput, signals: &mut [Vec<f64>]| {
                 of(&plant.sample_of(input), &mut values);
                 signals.iter_mut().zip(&values).for_each(|(signal, value)| signal.push(*value));
             };
             states.for_each_between(&Part::whole(stretch), |input| put(input, &mut moments));
+            let mut forces = vec![None; count];
             if self.force_target == ForceTarget::Imu {
-                (0..states.len()).for_each(|k| put(&states.at(k), &mut forces));
-            } else {
-                forces.clone_from(&moments);
+                let mut apart = empty();
+                (0..states.len()).for_each(|k| put(&states.at(k), &mut apart));
+                forces = apart.into_iter().map(Some).collect();
             }
             let formed = forces.into_iter().zip(moments).map(|(forces, moments)| Formed { forces, moments });
-            all.iter_mut().zip(formed).for_each(|(signal, formed)| signal.0.push(formed));
+            all.iter_mut().zip(formed).for_each(|(signal, formed)| signal.stretches.push(formed));
         }
         all
     }
@@ -198,12 +217,9 @@ impl TermSignals {
         let rows = self.stretches.iter().map(|stretch| stretch.turns.len()).sum();
         let mut all = Growing::new(columns, rows);
         for (index, stretch) in self.stretches.iter().enumerate() {
-            let formed = |pick: fn(&Formed) -> &Vec<f64>| {
-                let of: Vec<&[f64]> = quantities.iter().map(|own| &pick(&own.0[index])[..]).collect();
-                at_each_sample(&of, size, &weights)
-            };
-            let of_moments = formed(|own| &own.moments);
-            let apart = self.apart.then(|| formed(|own| &own.forces));
+            let of_moments = at_each_sample(quantities, (index, Formed::moments), size, &weights);
+            let apart =
+                self.apart.then(|| at_each_sample(quantities, (index, Formed::forces), size, &weights));
             let of_forces = apart.as_ref().unwrap_or(&of_moments);
             for k in 0..columns {
                 let first = k * self.parameters;
@@ -213,18 +229,13 @@ impl TermSignals {
                         acting.map(|(signal, place)| [signal, first + place.parameter]).collect();
                     if !pairs.is_empty() {
                         let rows = stretch.moments.weighted(&pairs, &of_moments, size);
-                        rows.for_each(|value| all.push(k, axis, value));
+                        rows.into_iter().for_each(|value| all.push(k, axis, value));
                     }
                 }
                 if self.turned.is_empty() {
                     continue;
                 }
-                let along: [Vec<f64>; 3] = std::array::from_fn(|axis| {
-                    let turned = self.turned.iter().enumerate();
-                    let pairs: Vec<[usize; 2]> =
-                        turned.map(|(k, turned)| [3 * k + axis, first + turned.parameter]).collect();
-                    stretch.forces.weighted(&pairs, of_forces, size).collect()
-                });
+                let along = stretch.forces.weighted_forces(&self.turned, of_forces, (first, size));
                 for (row, turn) in stretch.turns.iter().enumerate() {
                     let body = turn * Vector3::from(along.each_ref().map(|axis| axis[row]));
                     body.iter().enumerate().for_each(|(axis, value)| all.push(k, axis, *value));
@@ -243,8 +254,7 @@ impl TermSignals {
     ) -> Self {
         let size = parameters * self.parameters;
         let of_stretch = |(index, stretch): (usize, &StretchSignals)| {
-            let of: Vec<&[f64]> = quantities.iter().map(|own| &own.0[index].forces[..]).collect();
-            let found = at_each_sample(&of, size, &weights);
+            let found = at_each_sample(quantities, (index, Formed::forces), size, &weights);
             StretchSignals {
                 forces: stretch.forces.recombined(&self.turned, &found, [parameters, self.parameters]),
                 moments: Signals::default(),
@@ -314,10 +324,10 @@ impl TimesHats<'_> {
     /// the end of the flight. A search forms so many that they are kept in single precision: each is a sum in double precision.
     pub fn next_rows(&mut self, [most, past]: [usize; 2], rows: &mut [Vec<f32>; 6]) -> Option<SomeRows> {
         let Self { signals, quantity, hats, parameters, .. } = *self;
-        let (stretch, formed) = (signals.stretches.get(self.stretch)?, quantity.0.get(self.stretch)?);
+        let (stretch, formed) = (signals.stretches.get(self.stretch)?, quantity.stretches.get(self.stretch)?);
         if self.row == 0 {
             let pairs = |signal: &[f64]| signal.iter().map(|value| hats.pair(*value)).collect();
-            self.pairs = [pairs(&formed.forces), pairs(&formed.moments)];
+            self.pairs = [pairs(formed.forces()), pairs(formed.moments())];
         }
         let count = most.min(stretch.turns.len() - self.row);
         let past = past.min(self.row);
@@ -355,16 +365,42 @@ impl TimesHats<'_> {
     }
 }
 
-/// What `of` writes for the values of quantities, `size` values at each sample.
-fn at_each_sample(quantities: &[&[f64]], size: usize, of: &impl Fn(&[f64], &mut [f64])) -> Vec<f64> {
-    let samples = quantities.first().map_or(0, |signal| signal.len());
+/// What `of` writes for the values of quantities, `size` values at each sample of a stretch, where forces or where moments are formed.
+fn at_each_sample(
+    quantities: &[QuantitySignal],
+    (stretch, formed): (usize, fn(&Formed) -> &[f64]),
+    size: usize,
+    of: &impl Fn(&[f64], &mut [f64]),
+) -> Vec<f64> {
+    let signals: Vec<(&[f64], usize)> =
+        quantities.iter().map(|own| (formed(&own.stretches[stretch]), own.width)).collect();
+    let samples = signals.first().map_or(0, |(signal, width)| signal.len() / width);
     let mut all = vec![0.0; samples * size];
-    let mut values = vec![0.0; quantities.len()];
+    let mut values = Vec::with_capacity(signals.iter().map(|(_, width)| width).sum());
     for (k, found) in all.chunks_exact_mut(size).enumerate() {
-        values.iter_mut().zip(quantities).for_each(|(value, signal)| *value = signal[k]);
+        if let [(signal, width)] = signals[..] {
+            of(&signal[k * width..][..width], found);
+            continue;
+        }
+        values.clear();
+        for (signal, width) in &signals {
+            // One by one: there are few, and a call to copy them would take longer.
+            signal[k * width..][..*width].iter().for_each(|value| values.push(*value));
+        }
         of(&values, found);
     }
     all
+}
+
+/// The sum of forces, each times the weight of its parameter.
+#[inline]
+fn weighted_sum(forces: &[f64], turned: &[Turned], weights: &[f64]) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for (force, turned) in forces.as_chunks::<3>().0.iter().zip(turned) {
+        let weight = weights[turned.parameter];
+        sum.iter_mut().zip(force).for_each(|(sum, along)| *sum += weight * along);
+    }
+    sum
 }
 
 impl Signals {
@@ -375,24 +411,40 @@ impl Signals {
         let rows = samples.chunks_exact_mut(width).zip(self.samples.chunks_exact(self.width));
         for ((sums, own), weights) in rows.zip(weights.chunks_exact(parameters * of)) {
             for (sum, weights) in sums.as_chunks_mut::<3>().0.iter_mut().zip(weights.chunks_exact(of)) {
-                for (force, turned) in own.as_chunks::<3>().0.iter().zip(turned) {
-                    let weight = weights[turned.parameter];
-                    sum.iter_mut().zip(force).for_each(|(sum, along)| *sum += weight * along);
-                }
+                *sum = weighted_sum(own, turned, weights);
             }
         }
         Self { width, samples, taps: self.taps.clone(), windows: self.windows.clone() }
     }
 
+    /// The rows of a sum of forces along three axes: of each of these times its weight, which is behind the first one's at each sample.
+    fn weighted_forces(
+        &self,
+        turned: &[Turned],
+        weights: &[f64],
+        (first, size): (usize, usize),
+    ) -> [Vec<f64>; 3] {
+        let mut along = [0; 3].map(|_| Vec::with_capacity(self.samples.len() / self.width));
+        for (own, weights) in self.samples.chunks_exact(self.width).zip(weights.chunks_exact(size)) {
+            let sum = weighted_sum(own, turned, &weights[first..]);
+            along.iter_mut().zip(sum).for_each(|(along, sum)| along.push(sum));
+        }
+        along.map(|sum| self.filtered(&sum))
+    }
+
+    /// The rows of a signal.
+    fn filtered(&self, signal: &[f64]) -> Vec<f64> {
+        let row = |start: &usize| sum_of_products(&signal[*start..start + self.taps.len()], &self.taps);
+        self.windows.iter().map(row).collect()
+    }
+
     /// The rows of a sum: of each of these signals times a weight, of which there are `size` at each sample.
-    fn weighted(&self, pairs: &[[usize; 2]], weights: &[f64], size: usize) -> impl Iterator<Item = f64> {
+    fn weighted(&self, pairs: &[[usize; 2]], weights: &[f64], size: usize) -> Vec<f64> {
         let at = |(sample, weights): (&[f64], &[f64])| -> f64 {
             pairs.iter().map(|[signal, weight]| sample[*signal] * weights[*weight]).sum()
         };
         let samples = self.samples.chunks_exact(self.width).zip(weights.chunks_exact(size));
-        let sum: Vec<f64> = samples.map(at).collect();
-        let row = move |start: &usize| sum_of_products(&sum[*start..start + self.taps.len()], &self.taps);
-        self.windows.iter().map(row)
+        self.filtered(&samples.map(at).collect::<Vec<f64>>())
     }
 
     /// The hats that differ from zero in the windows of some rows.

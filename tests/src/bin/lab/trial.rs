@@ -43,6 +43,9 @@ pub(crate) struct Outcome {
     /// Part of the error of prediction that the planted effect leaves on held-out flights, where that is asked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) error_left: Option<f64>,
+    /// The same with the true coefficients: how much of the error the effect is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) error_left_by_truth: Option<f64>,
 }
 
 /// What the diagnosis of the basic model said of a planted effect.
@@ -119,6 +122,7 @@ impl Outcome {
             unexplained: Vec::new(),
             coefficients: Vec::new(),
             error_left: None,
+            error_left_by_truth: None,
         }
     }
 }
@@ -247,8 +251,11 @@ fn ask_what_is_missing(trial: &Trial) -> Result<Outcome, String> {
     let coefficients =
         right.iter().flat_map(|model| truth.iter().filter_map(|truth| distance(model, truth))).collect();
     let mut outcome = outcome(trial, &diagnosis, found, coefficients);
-    outcome.error_left =
-        right.filter(|_| trial.predicts).map(|model| error_left(&basic, &model, &sets.validate()));
+    if let Some(model) = right.filter(|_| trial.predicts) {
+        let left = |model: &Model| error_left(&basic, model, &sets.validate());
+        outcome.error_left = Some(left(&model));
+        outcome.error_left_by_truth = Some(left(&with_true_coefficients(model, &truth)));
+    }
     if wanders && outcome.answer == ADEQUATE {
         outcome.answer = GUSTS.into();
     }
@@ -278,6 +285,7 @@ fn outcome(
             .collect(),
         coefficients,
         error_left: None,
+        error_left_by_truth: None,
     }
 }
 
@@ -309,6 +317,18 @@ fn with_planted(trial: &Trial, basic: &Model, sets: &mut FlightSets) -> Option<M
     planted?.into_iter().try_fold(basic.clone(), |model, effect| {
         workflow::add(&model, effect, sets, None, &Silent).ok().map(|added| added.model)
     })
+}
+
+/// A model with the right structure and the true coefficients, where it means the same by them.
+fn with_true_coefficients(mut model: Model, truth: &[True]) -> Model {
+    for of in truth {
+        let term =
+            Effect::from_id(of.effect).and_then(|effect| model.terms.iter_mut().find(|t| t.effect == effect));
+        if let Some(coefficient) = term.and_then(|term| term.coefficients.get_mut(of.index)) {
+            coefficient.value = of.value;
+        }
+    }
+    model
 }
 
 /// What is left, with a better model, of the open-loop error half a second ahead: of position, velocity, attitude or rate, whichever it
