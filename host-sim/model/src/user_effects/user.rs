@@ -10,7 +10,7 @@ use std::hash::{Hash, Hasher};
 use std::path::Path;
 use std::sync::{PoisonError, RwLock, RwLockWriteGuard};
 
-use crate::axis::AXES;
+use crate::axis::{AXES, Axis};
 use crate::effect::{EffectInfo, Kind, Sink};
 use crate::memory::LagId;
 use crate::sample::Sample;
@@ -147,6 +147,18 @@ impl User {
     /// Adds its accelerations to the six rows.
     pub(crate) fn add_accelerations(self, sample: &Sample, coefficients: &[f64], sum: &mut [f64; 6]) {
         self.0.effect.add(sample, coefficients, sum);
+    }
+
+    /// The rows that it acts on, whatever the sample.
+    pub fn axes(self) -> Vec<Axis> {
+        self.0.effect.axes()
+    }
+
+    /// What it adds to the six rows with these coefficients: m/s^2 and rad/s^2.
+    pub fn accelerations(self, sample: &Sample, coefficients: &[f64]) -> [f64; 6] {
+        let mut sum = [0.0; 6];
+        self.add_accelerations(sample, coefficients, &mut sum);
+        sum
     }
 
     /// The first of its formulas that has no finite value at a sample.

@@ -4,6 +4,7 @@
 //! differences, for which the model is evaluated once more for each coefficient. Models that see the same states (another wind,
 //! another ground effect) are evaluated side by side in one pass over them.
 
+use model::user_effects::User;
 use model::{Effect, Kind, Model};
 
 use crate::fit::least_squares::RowColumn;
@@ -13,6 +14,7 @@ use crate::fit::rows::Hung;
 use crate::fit::slow;
 use crate::fit::slung_load::{self, Carried};
 use crate::fit::swing::{Followed, Known};
+use crate::fit::terms::{Changes, coefficient_count};
 use crate::fit::unloaded::{Beginning, Unloaded};
 use crate::prepare::Prepared;
 
@@ -55,13 +57,20 @@ impl About {
         stride: usize,
     ) -> Self {
         let measured = measured(flight, model, stride);
-        let ahead = steps.iter().map(|step| &step.ahead);
+        let ahead = steps.iter().filter(|step| step.user().is_none()).map(|step| &step.ahead);
         let models: Vec<&Model> = std::iter::once(model).chain(ahead).collect();
-        let (mut columns, predicted) = flight.columns_and_predicted_by(linear, &models, stride, None);
+        let changes = Step::changes(model, steps);
+        let (mut columns, predicted) =
+            flight.columns_and_predicted_by((linear, &changes), &models, stride, None);
+        let mut changed = columns.split_off(linear.iter().map(|e| coefficient_count(*e)).sum()).into_iter();
         let mut predicted = predicted.into_iter();
         let base = predicted.next().unwrap_or_default();
         let adjust = model.adjustments();
-        columns.extend(steps.iter().zip(predicted).map(|(step, predicted)| {
+        columns.extend(steps.iter().map(|step| {
+            if step.user().is_some() {
+                return felt(changed.next().unwrap_or_default());
+            }
+            let predicted = predicted.next().unwrap_or_default();
             let ahead = step.ahead.adjustments();
             if ahead.load().is_some() {
                 // Nothing hangs there yet: the derivative is that of a load without mass.
@@ -106,7 +115,7 @@ impl About {
         let (mut columns, predicted) = match models.len() {
             1 if linear.is_empty() => Default::default(),
             1 => (flight.columns(linear, model, stride, Some(&hung)), Vec::new()),
-            _ => flight.columns_and_predicted_by(linear, &models, stride, Some(&hung)),
+            _ => flight.columns_and_predicted_by((linear, &[]), &models, stride, Some(&hung)),
         };
         let mut predicted = predicted.into_iter();
         let base = predicted.next().unwrap_or_default();
@@ -154,6 +163,29 @@ impl Step {
         };
         (0..base.len()).map(step).collect()
     }
+
+    /// The users' effect that is moved, where it is one of theirs.
+    fn user(&self) -> Option<User> {
+        match self.effect {
+            Effect::User(user) => Some(user),
+            _ => None,
+        }
+    }
+
+    /// What the users' effects among these change by, effect by effect.
+    fn changes(model: &Model, steps: &[Self]) -> Vec<Changes> {
+        let of_effect = |own: &[Self]| {
+            let [first, ..] = own else { return None };
+            let ahead = |step: &Self| {
+                let mut values = step.base.clone();
+                values[step.coefficient] += step.size;
+                (values, step.size)
+            };
+            let from = model.has(first.effect).then(|| first.base.clone());
+            Some(Changes::new(first.user()?, from, own.iter().map(ahead).collect()))
+        };
+        steps.chunk_by(|one, other| one.effect == other.effect).filter_map(of_effect).collect()
+    }
 }
 
 /// Magnitude of a coefficient for differences about a value: a length or another scale goes by itself.
@@ -167,13 +199,18 @@ pub fn step_scale(has_rotor_map: bool, effect: Effect, coefficient: usize) -> f6
     effect.info().coefficients[coefficient].ordinary(has_rotor_map)
 }
 
-/// From one to another over a step; rows that do not feel it stay out of the problem.
+/// From one to another over a step.
 fn slope(ahead: &RowColumn, here: &RowColumn, step: f64) -> RowColumn {
-    std::array::from_fn(|axis| {
+    let slope = std::array::from_fn(|axis| {
         let (ahead, here) = (ahead[axis].as_ref()?, here[axis].as_ref()?);
-        let slope: Vec<f64> = ahead.iter().zip(here).map(|(a, h)| (a - h) / step).collect();
-        slope.iter().any(|d| *d != 0.0).then_some(slope)
-    })
+        Some(ahead.iter().zip(here).map(|(a, h)| (a - h) / step).collect())
+    });
+    felt(slope)
+}
+
+/// A derivative without the axes that do not feel the step: these stay out of the problem.
+fn felt(slope: RowColumn) -> RowColumn {
+    slope.map(|axis| axis.filter(|slope| slope.iter().any(|d| *d != 0.0)))
 }
 
 /// What each coefficient of an effect does to the accelerations at the rows, at its ordinary size: its column of the regression
@@ -228,19 +265,40 @@ mod tests {
         Prepared::new(&fly(model, 1, 6.0, &NONE), &model.vehicle).unwrap()
     }
 
+    /// A users' effect that is not linear, as a model has it: along an axis of the craft and along one of the room.
+    fn of_a_user() -> (Effect, [f64; 2]) {
+        let text = r#"
+[[effect]]
+id = "fades"
+acceleration.u = "k * exp(-(a * v)^2)"
+acceleration.down = "k * tanh(a * u)"
+coefficient = [
+    { name = "k", unit = "m/s^2", possible = [-5.0, 5.0], typical = 0.3 },
+    { name = "a", unit = "s/m", possible = [-5.0, 5.0], typical = 0.8 },
+]
+"#;
+        let effects = model::effects::draft(text, std::path::Path::new("fades.toml")).unwrap();
+        (Effect::User(effects[0]), [0.4, 0.7])
+    }
+
     /// By central differences of the residual, over steps a thousand times as long.
     #[test]
     fn the_columns_of_adjusting_effects_are_minus_the_derivatives_of_the_residual() {
-        let model = truth();
+        let mut model = truth();
         let flight = flown(&model);
-        for effect in [Effect::MassChange, Effect::SteadyWind, Effect::TrackingOffset, Effect::InputDelay] {
+        let (own, has) = of_a_user();
+        model.set(own, &has);
+        let effects =
+            [Effect::MassChange, Effect::SteadyWind, Effect::TrackingOffset, Effect::InputDelay, own];
+        for effect in effects {
             let about = About::new(&flight, &model, (&[], &[effect]), 3, &Known::default());
             assert_eq!(about.columns.len(), effect.info().coefficients.len());
             for (k, column) in about.columns.iter().enumerate() {
                 let step = 1e-2 * step_scale(true, effect, k);
                 let moved = |way: f64| {
-                    let mut values = vec![0.0; about.columns.len()];
-                    values[k] = way * step;
+                    let known = model.term(effect).map(|term| term.values());
+                    let mut values = known.unwrap_or_else(|| vec![0.0; about.columns.len()]);
+                    values[k] += way * step;
                     let mut moved = model.clone();
                     moved.set(effect, &values);
                     residuals_at_rows(&flight, &moved, 3).residual

@@ -27,7 +27,7 @@ use crate::fit::in_gust::InGust;
 use crate::fit::least_squares::{FlightRows, RowColumn};
 use crate::fit::slow;
 use crate::fit::slung_load;
-use crate::fit::terms::{Both, Growing, LinearEffects, Predictions, Seen, Slots, Terms};
+use crate::fit::terms::{About, Changes, Growing, LinearEffects, Predictions, Seen, Slots, Terms};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch, subtract, vector};
 
 /// A load on a cable as it was followed.
@@ -142,14 +142,14 @@ impl Prepared {
 
     /// What models of one vehicle predict of the targets, but for the pull of a load that comes of its swing.
     pub fn predicted_by(&self, models: &[&Model], stride: usize, hung: Option<&Hung>) -> Vec<RowColumn> {
-        self.columns_and_predicted_by(&[], models, stride, hung).1
+        self.columns_and_predicted_by((&[], &[]), models, stride, hung).1
     }
 
-    /// The columns of linear effects about the first of some models of one vehicle, and what they predict of the targets, but for the pull
-    /// of a load that comes of its swing. Models that see the same states are evaluated side by side.
-    pub fn columns_and_predicted_by(
+    /// The columns of linear effects and of changes about the first of some models of one vehicle, and what they predict of the targets, but
+    /// for the pull of a load that comes of its swing. Models that see the same states are evaluated side by side.
+    pub(crate) fn columns_and_predicted_by(
         &self,
-        linear: &[Effect],
+        (linear, changes): (&[Effect], &[Changes]),
         models: &[&Model],
         stride: usize,
         hung: Option<&Hung>,
@@ -163,12 +163,14 @@ impl Prepared {
             let own = plants[first].adjustments();
             let sees_alike = |k: &usize| plants[*k].adjustments().same_states(own);
             let (group, rest): (Vec<usize>, Vec<usize>) = left.into_iter().partition(sees_alike);
-            let terms = Both {
-                linear: LinearEffects::new(if first == 0 { linear } else { &[] }),
+            let (linear, changes) = if first == 0 { (linear, changes) } else { Default::default() };
+            let terms = About {
+                linear: LinearEffects::new(linear),
+                changes,
                 predictions: Predictions(group.iter().map(|&k| &plants[k]).collect()),
             };
             let mut of_group = self.filtered(&plants[first], &models[first].vehicle, &terms, stride, hung);
-            let predicted_by_group = of_group.split_off(terms.linear.count);
+            let predicted_by_group = of_group.split_off(terms.columns());
             group.into_iter().zip(predicted_by_group).for_each(|(k, column)| predicted[k] = column);
             columns.append(&mut of_group);
             left = rest;

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use model::user_effects::User;
 use model::{Axis, Effect, LagId, Plant, Quantity, Sample, Sink};
 use nalgebra::{Matrix3, Vector3};
 
@@ -111,25 +112,68 @@ impl Terms for Predictions<'_> {
     }
 }
 
-/// Linear effects about a model, then the predictions of this and of others.
-pub(crate) struct Both<'a> {
+/// What an effect of the users does more with one of its coefficients a step further, for each over its step. Such an effect only adds
+/// accelerations: all others stay as they are, and are not asked.
+pub(crate) struct Changes {
+    user: User,
+    /// Coefficients without a step; nothing where the effect is not there.
+    from: Option<Vec<f64>>,
+    /// Coefficients with one, and its size.
+    steps: Vec<(Vec<f64>, f64)>,
+    axes: Vec<Axis>,
+}
+
+impl Changes {
+    pub(crate) fn new(user: User, from: Option<Vec<f64>>, steps: Vec<(Vec<f64>, f64)>) -> Self {
+        Self { user, from, steps, axes: user.axes() }
+    }
+
+    #[inline]
+    fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
+        let from = self.from.as_ref().map_or([0.0; 6], |from| self.user.accelerations(sample, from));
+        for (index, (coefficients, size)) in self.steps.iter().enumerate() {
+            let to = self.user.accelerations(sample, coefficients);
+            for axis in &self.axes {
+                let row = axis.index();
+                sink.add(*axis, index, (to[row] - from[row]) / size);
+            }
+        }
+    }
+}
+
+/// Linear effects about a model and what effects of the users change by, then the predictions of this model and of others.
+pub(crate) struct About<'a> {
     pub(crate) linear: LinearEffects,
+    pub(crate) changes: &'a [Changes],
     pub(crate) predictions: Predictions<'a>,
 }
 
-impl Terms for Both<'_> {
+impl About<'_> {
+    /// Parameters before the predictions.
+    pub(crate) fn columns(&self) -> usize {
+        self.linear.count() + self.changes.iter().map(|own| own.steps.len()).sum::<usize>()
+    }
+}
+
+impl Terms for About<'_> {
     fn count(&self) -> usize {
-        self.linear.count() + self.predictions.count()
+        self.columns() + self.predictions.count()
     }
 
     fn lags(&self) -> Vec<LagId> {
-        self.linear.lags().into_iter().chain(self.predictions.lags()).collect()
+        let changes = self.changes.iter().flat_map(|own| own.user.lags());
+        self.linear.lags().into_iter().chain(changes).chain(self.predictions.lags()).collect()
     }
 
     #[inline]
     fn evaluate(&self, sample: &Sample, sink: &mut impl Sink) {
         self.linear.evaluate(sample, sink);
-        self.predictions.evaluate(sample, &mut From { first: self.linear.count, sink });
+        let mut first = self.linear.count;
+        for own in self.changes {
+            own.evaluate(sample, &mut From { first, sink });
+            first += own.steps.len();
+        }
+        self.predictions.evaluate(sample, &mut From { first, sink });
     }
 }
 
@@ -329,7 +373,8 @@ mod tests {
         weak.set(Effect::Thrust, &[0.5 * model.term(Effect::Thrust).unwrap().values()[0]]);
         let plants = [&model, &weak].map(Plant::new);
         let input = moving(&plants[0]);
-        let both = Both {
+        let both = About {
+            changes: &[],
             linear: LinearEffects::new(&model.effects()),
             predictions: Predictions(plants.iter().collect()),
         };
