@@ -176,13 +176,9 @@ impl Step {
     fn changes(model: &Model, steps: &[Self]) -> Vec<Changes> {
         let of_effect = |own: &[Self]| {
             let [first, ..] = own else { return None };
-            let ahead = |step: &Self| {
-                let mut values = step.base.clone();
-                values[step.coefficient] += step.size;
-                (values, step.size)
-            };
-            let from = model.has(first.effect).then(|| first.base.clone());
-            Some(Changes::new(first.user()?, from, own.iter().map(ahead).collect()))
+            let values = |model: &Model| model.term(first.effect).map(|term| term.values());
+            let ahead = own.iter().filter_map(|step| Some((values(&step.ahead)?, step.size)));
+            Some(Changes::new(first.user()?, values(model), ahead.collect()))
         };
         steps.chunk_by(|one, other| one.effect == other.effect).filter_map(of_effect).collect()
     }

@@ -27,7 +27,9 @@ use crate::fit::in_gust::InGust;
 use crate::fit::least_squares::{FlightRows, RowColumn};
 use crate::fit::slow;
 use crate::fit::slung_load;
-use crate::fit::terms::{About, Changes, Growing, LinearEffects, Predictions, Seen, Slots, Terms};
+use crate::fit::terms::{
+    Changes, ColumnsAndPredictions, Growing, LinearEffects, Predictions, Seen, Slots, Terms,
+};
 use crate::prepare::{ForceTarget, Part, Prepared, States, Stretch, subtract, vector};
 
 /// A load on a cable as it was followed.
@@ -164,7 +166,7 @@ impl Prepared {
             let sees_alike = |k: &usize| plants[*k].adjustments().same_states(own);
             let (group, rest): (Vec<usize>, Vec<usize>) = left.into_iter().partition(sees_alike);
             let (linear, changes) = if first == 0 { (linear, changes) } else { Default::default() };
-            let terms = About {
+            let terms = ColumnsAndPredictions {
                 linear: LinearEffects::new(linear),
                 changes,
                 predictions: Predictions(group.iter().map(|&k| &plants[k]).collect()),

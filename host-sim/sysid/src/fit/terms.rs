@@ -142,20 +142,20 @@ impl Changes {
 }
 
 /// Linear effects about a model and what effects of the users change by, then the predictions of this model and of others.
-pub(crate) struct About<'a> {
+pub(crate) struct ColumnsAndPredictions<'a> {
     pub(crate) linear: LinearEffects,
     pub(crate) changes: &'a [Changes],
     pub(crate) predictions: Predictions<'a>,
 }
 
-impl About<'_> {
+impl ColumnsAndPredictions<'_> {
     /// Parameters before the predictions.
     pub(crate) fn columns(&self) -> usize {
         self.linear.count() + self.changes.iter().map(|own| own.steps.len()).sum::<usize>()
     }
 }
 
-impl Terms for About<'_> {
+impl Terms for ColumnsAndPredictions<'_> {
     fn count(&self) -> usize {
         self.columns() + self.predictions.count()
     }
@@ -373,7 +373,7 @@ mod tests {
         weak.set(Effect::Thrust, &[0.5 * model.term(Effect::Thrust).unwrap().values()[0]]);
         let plants = [&model, &weak].map(Plant::new);
         let input = moving(&plants[0]);
-        let both = About {
+        let both = ColumnsAndPredictions {
             changes: &[],
             linear: LinearEffects::new(&model.effects()),
             predictions: Predictions(plants.iter().collect()),
