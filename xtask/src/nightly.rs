@@ -15,9 +15,9 @@ use anyhow::{Context, Result, anyhow};
 use crate::arm::{self, Target};
 use crate::base::process::{Program, cargo, shown};
 use crate::base::tally::Tally;
-use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ, CARGO_MUTANTS, MIRI, PEERS};
+use crate::base::tools::{CARGO_CYCLONEDX, CARGO_DENY, CARGO_FUZZ, CARGO_MUTANTS, MIRI, NEXTEST, PEERS};
 use crate::base::workspace::{self, Workspace};
-use crate::step::{Outcome, Step, command_holds, harness, holds, one};
+use crate::step::{Outcome, Step, command_holds, harness, holds, nextest, one};
 use crate::supply;
 
 /// The night's tests, in the order they run.
@@ -73,7 +73,7 @@ pub(crate) const PARTS: &[Step] = &[
     Step {
         name: "miri",
         about: "what flies, on an abstract machine: no undefined behaviour, in the libraries that it uses either",
-        tools: &[&MIRI],
+        tools: &[&MIRI, &NEXTEST],
         run: interpreted,
     },
     Step {
@@ -126,6 +126,13 @@ const CASES: u32 = 100_000;
 const FUZZ_S: u32 = 60;
 /// Time that the microcontroller flies, s.
 const SERIAL_S: u32 = 600;
+/// Unit tests of `control` that take half a second and more each in a build that is quick to make.
+const SLOW_TESTS: [&str; 4] = [
+    "every_state_with_every_set_of_conditions",
+    "nothing_but_a_request_arms",
+    "the_square_root_is_the_exact_one",
+    "time_between_ticks_is_counted_as_it_passes",
+];
 /// Folders of fuzz targets, as `cargo fuzz` lays them out.
 const FUZZ_FOLDERS: [&str; 2] = ["tests/fuzz", "proto/fuzz"];
 
@@ -307,34 +314,50 @@ fn arithmetic(_: &Workspace) -> Result<Outcome> {
     Ok(Outcome::Ran(harness(command)?))
 }
 
-/// The crates that fly.
+/// The tests of the crates that fly, each random one with a few cases: the interpreter is some thousand times slower. They read their
+/// corpora. As on a craft's processor of 32 bits, where libm calculates as it does in flight (for a PC's it has assembler, which cannot be
+/// interpreted).
 fn interpreted(_: &Workspace) -> Result<Outcome> {
-    Ok(Outcome::Ran(side_by_side(["control", "proto", "craft"].map(interpreted_crate), harness)?))
-}
-
-/// The tests of a crate, each random one with a few cases: the interpreter is some thousand times slower. They read their corpora. As
-/// on a craft's processor of 32 bits, where libm calculates as it does in flight (for a PC's it has assembler, which cannot be interpreted).
-fn interpreted_crate(package: &str) -> Command {
     let mut command = Command::new("rustup");
-    command.current_dir(workspace::root()).args(["run", "nightly", "cargo", "miri", "test"]);
+    command.current_dir(workspace::root()).args(["run", "nightly", "cargo", "miri", "nextest", "run"]);
     command.args(["--target-dir", "target/miri", "--target", "armv7-unknown-linux-gnueabihf"]);
-    command.args(["-p", package, "--lib", "--tests", "--no-fail-fast"]);
+    command.args(["--package", "control", "--package", "proto", "--package", "craft", "--lib", "--tests"]);
+    command.args(["--profile", "xtask"]);
     command.env("MIRIFLAGS", "-Zmiri-disable-isolation").env("PROPTEST_CASES", "5");
-    command
+    Ok(Outcome::Ran(nextest(command)?))
 }
 
-/// Mutants of what decides in flight, in two copies of the sources at once.
+/// Mutants of what decides in flight, under the quick unit tests, then under all tests those that went unnoticed: all tests at once take
+/// four times as long.
 fn mutants(_: &Workspace) -> Result<Outcome> {
+    let slow = SLOW_TESTS.iter().flat_map(|test| ["--skip", test]);
+    let quick: Vec<&str> = ["--cargo-arg=--lib", "--", "--"].into_iter().chain(slow).collect();
+    let code = mutants_under(&quick)?;
+    if is_noticed(code) || !was_tested(code) {
+        return Ok(Outcome::Ran(one(is_noticed(code))));
+    }
+    let all =
+        ["--iterate", "--cargo-arg=--lib", "--cargo-arg=--test=autopilot", "--cargo-arg=--test=thesis_law"];
+    Ok(Outcome::Ran(one(is_noticed(mutants_under(&all)?))))
+}
+
+/// The exit status of a run, in two copies of the sources at once.
+fn mutants_under(arguments: &[&str]) -> Result<Option<i32>> {
     let mut command = cargo(["mutants", "--package", "control", "--jobs", "2", "--output", "target/mutants"]);
-    command.env("PROPTEST_CASES", "50");
+    // A thousand builds of one crate, each a little different.
+    command.args(arguments).env("PROPTEST_CASES", "50").env("CARGO_INCREMENTAL", "1");
     println!("   {}", shown(&command));
-    let status = command.status().context("cannot start cargo mutants")?;
-    Ok(Outcome::Ran(one(is_noticed(status.code()))))
+    Ok(command.status().context("cannot start cargo mutants")?.code())
 }
 
 /// Was every mutant noticed? A test that hangs has noticed it, too. (Codes: the chapter "Exit codes" of cargo-mutants' book.)
 fn is_noticed(code: Option<i32>) -> bool {
     matches!(code, Some(0 | 3))
+}
+
+/// Were the mutants tested at all?
+fn was_tested(code: Option<i32>) -> bool {
+    matches!(code, Some(0 | 2 | 3))
 }
 
 #[cfg(test)]
@@ -378,5 +401,7 @@ mod tests {
         // Everything caught, and one that hangs; a survivor, a baseline that fails, a wrong option, a signal.
         assert!([Some(0), Some(3)].into_iter().all(is_noticed));
         assert!(![Some(2), Some(4), Some(1), None].into_iter().any(is_noticed));
+        // Those that survive are tried again under all tests, unless none was tried.
+        assert!(was_tested(Some(2)) && ![Some(4), Some(1), None].into_iter().any(was_tested));
     }
 }

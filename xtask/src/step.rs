@@ -2,12 +2,12 @@
 
 use std::process::Command;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 
 use crate::base::process::{filtered, shown, succeeds};
-use crate::base::tally::{LibtestReader, Tally};
+use crate::base::tally::{self, LibtestReader, Tally};
 use crate::base::tools::Tool;
-use crate::base::workspace::Workspace;
+use crate::base::workspace::{self, Workspace};
 
 /// What came of a step.
 pub(crate) enum Outcome {
@@ -61,6 +61,26 @@ pub(crate) fn harness(mut command: Command) -> Result<Tally> {
     let mut reader = LibtestReader::default();
     let succeeded = filtered(&mut command, |line| reader.line(line))?;
     Ok(agreeing(reader.finish(), succeeded))
+}
+
+/// Where nextest leaves its report, from the root: `.config/nextest.toml` says so, whatever the target folder.
+const JUNIT_REPORT: &str = "target/nextest/xtask/junit.xml";
+
+/// Runs nextest with its profile `xtask`, counting from the JUnit report that this asks for.
+pub(crate) fn nextest(mut command: Command) -> Result<Tally> {
+    let report = workspace::root().join(JUNIT_REPORT);
+    // A report of an earlier run must not be taken for this one's when nothing compiles.
+    if report.exists() {
+        std::fs::remove_file(&report).with_context(|| format!("cannot remove {}", report.display()))?;
+    }
+    println!("   {}", shown(&command));
+    let succeeded = succeeds(&mut command)?;
+    if !succeeded && !report.exists() {
+        return Ok(one(false));
+    }
+    let xml = std::fs::read_to_string(&report)
+        .with_context(|| format!("nextest left no report to count from: {}", report.display()))?;
+    Ok(agreeing(tally::from_junit(&xml)?, succeeded))
 }
 
 /// A run that failed without a failed test (it did not compile, or crashed) is one failure all the same.

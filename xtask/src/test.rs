@@ -8,14 +8,14 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use crate::base::process::{cargo, in_continuous_integration, output_of, shown, succeeds};
+use crate::base::process::{cargo, in_continuous_integration, output_of};
 use crate::base::tally::{self, SKIP_MARK, Tally};
 use crate::base::tools::{CARGO_DENY, CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, TYPESCRIPT};
-use crate::base::workspace::{self, Workspace};
+use crate::base::workspace::Workspace;
 use crate::checks::known::Kind;
 use crate::checks::{arrows, dependencies, promises, scripts, structure, tidy};
 use crate::nightly::PARTS;
-use crate::step::{Outcome, Step, agreeing, command_holds, harness, holds, listed, missing, one};
+use crate::step::{Outcome, Step, command_holds, harness, holds, listed, missing, nextest, one};
 use crate::{arm, book, supply};
 
 /// Options of the command.
@@ -217,29 +217,14 @@ fn doc_tests(_: &Workspace) -> Result<Outcome> {
     Ok(Outcome::Ran(harness(command)?))
 }
 
-/// Where nextest leaves its report, from the root: `.config/nextest.toml` says so, whatever the target folder.
-const JUNIT_REPORT: &str = "target/nextest/xtask/junit.xml";
-
-/// Runs the tests with nextest, counting from its JUnit report and its list of ignored tests.
+/// Runs the tests with nextest, counting from its report and its list of ignored tests.
 fn with_nextest(workspace: &Workspace) -> Result<Outcome> {
-    let report = workspace::root().join(JUNIT_REPORT);
-    // A report of an earlier run must not be taken for this one's when nothing compiles.
-    if report.exists() {
-        std::fs::remove_file(&report).with_context(|| format!("cannot remove {}", report.display()))?;
-    }
     let mut command = cargo(["nextest", "run", "--workspace", "--profile", "xtask"]);
     command.envs(arm::variables(workspace));
-    println!("   {}", shown(&command));
-    let succeeded = succeeds(&mut command)?;
-    if !succeeded && !report.exists() {
-        return Ok(Outcome::Ran(one(false)));
-    }
-    let xml = std::fs::read_to_string(&report)
-        .with_context(|| format!("nextest left no report to count from: {}", report.display()))?;
-    let mut tally = tally::from_junit(&xml)?;
+    let mut tally = nextest(command)?;
     let list = output_of(&mut cargo(["nextest", "list", "--workspace", "--message-format", "json"]));
     tally.add(&tally::ignored_in_list(&list.context("`cargo nextest list` fails")?)?);
-    Ok(Outcome::Ran(agreeing(tally, succeeded)))
+    Ok(Outcome::Ran(tally))
 }
 
 fn docs(_: &Workspace) -> Result<Outcome> {
