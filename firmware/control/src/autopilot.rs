@@ -220,11 +220,25 @@ impl Autopilot {
         let stands = self.standing.found;
         let command;
         let guided = if state == State::Flying && self.state == State::Flying {
-            Guided { mode: self.mode, cut_off: self.idle_wanted, lands: false, stands, command: pilot }
+            Guided {
+                mode: self.mode,
+                cut_off: self.idle_wanted,
+                lands: false,
+                stands,
+                command: pilot,
+                finite: true,
+            }
         } else {
             command = self.guide(state, pilot, attitude_rad, elapsed_us, conditions);
             let Command { mode, cut_off, .. } = command;
-            Guided { mode, cut_off, lands: state == State::Land, stands, command: Some(&command) }
+            Guided {
+                mode,
+                cut_off,
+                lands: state == State::Land,
+                stands,
+                command: Some(&command),
+                finite: false,
+            }
         };
         self.controller.tick_into(&measurement, seen, &guided, &mut self.flight.tick);
         self.look_back(readings, seen, attitude_rad, elapsed_us);
@@ -291,7 +305,7 @@ impl Autopilot {
             self.detectors.compare_rates(rates, terms.body_rates_rad_s, &self.limits);
         }
         let rates_rad_s = readings.gyro_rad_s.unwrap_or(terms.body_rates_rad_s);
-        let refused = tick.refused.thrust.high;
+        let refused = tick.refused.thrust.high();
         let no_number = tick.faults.internal.now;
         let (aftermath, limits) = (&mut self.aftermath, &self.limits);
         aftermath.after(refused, terms.z_rate_m_s, attitude_rad, no_number, elapsed_us, limits);
@@ -451,6 +465,7 @@ fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us:
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::allocation::mixer::Directions;
 
     const HOVER: Readings = Readings {
         time_us: 0,
@@ -619,7 +634,8 @@ mod tests {
                 readings.pose.as_mut().unwrap().position_m = [if is_new { 1e-3 } else { 0.0 }, 0.0, -1.0];
             });
             assert_eq!(autopilot.detectors.pose_is_new(), is_new);
-            (autopilot.flight.tick.terms.thrust, autopilot.flight.tick.refused.thrust.high) = (20.0, refused);
+            (autopilot.flight.tick.terms.thrust, autopilot.flight.tick.refused.thrust) =
+                (20.0, Directions::new(refused, false));
             let before = autopilot.hover;
             autopilot.look_back(&HOVER, seen, [0.0; 3], 10_000);
             autopilot.hover != before

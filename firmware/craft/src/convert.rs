@@ -124,7 +124,7 @@ pub fn supervision(flight: &Flight) -> proto::Supervision {
 /// Directions in which the motors could not follow.
 #[inline]
 pub fn refusal(refused: &control::Refused) -> proto::Refusal {
-    let directions = |d: Directions| [d.high, d.low];
+    let directions = |d: Directions| [d.high(), d.low()];
     proto::Refusal {
         thrust: directions(refused.thrust),
         roll: directions(refused.roll),

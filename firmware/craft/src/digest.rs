@@ -1,7 +1,6 @@
 //! A tick's digest: every bit of it in one number, so that two targets can be compared over a slow
 //! link.
 
-use control::mixer::Directions;
 use control::{Fault, Faults, Flight, OuterTerms, PidTerms, Refused, Terms, Tick};
 
 /// FNV-1a, 64 bits, over everything in `flight`: motor commands, each internal term, refusals,
@@ -15,8 +14,8 @@ pub fn digest(flight: &Flight) -> u64 {
     fnv.floats(pwm);
     fnv.terms(terms);
     let Refused { thrust, roll, pitch, yaw } = refused;
-    for Directions { high, low } in [thrust, roll, pitch, yaw] {
-        fnv.bytes(&[u8::from(*high), u8::from(*low)]);
+    for directions in [thrust, roll, pitch, yaw] {
+        fnv.bytes(&[u8::from(directions.high()), u8::from(directions.low())]);
     }
     let Faults { measurement, command, battery, internal } = faults;
     for Fault { now, count } in [measurement, command, battery, internal] {
@@ -146,7 +145,7 @@ mod tests {
             |f| f.tick.terms.yaw.i = f32::from_bits(1),
             |f| f.tick.terms.outer = Some(OuterTerms::default()),
             |f| f.tick.terms.rotor_speed_rad_s = Some([0.0; 4]),
-            |f| f.tick.refused.yaw.low = true,
+            |f| f.tick.refused.yaw = control::Directions::LOW,
             |f| f.tick.faults.internal.count = 1,
             |f| f.state = control::State::Armed,
             |f| f.conditions = control::Conditions::from_bits(1),

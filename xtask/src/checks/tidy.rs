@@ -19,6 +19,7 @@ use crate::source::for_tests;
 
 /// Crates that may use `unsafe`, as (crate, why nothing safe does it).
 const MAY_USE_UNSAFE: &[(&str, &str)] = &[
+    ("fpu", "an instruction of a processor is reached by assembler alone"),
     ("mcu", "registers are addresses, and handlers are the chip's to call"),
     ("law-c", "callers in C hand over pointers"),
 ];

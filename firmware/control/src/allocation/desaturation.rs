@@ -63,7 +63,7 @@ fn at_most_whole(fraction: f32) -> f32 {
 
 /// In which direction an axis was refused, if it was.
 fn refused_direction(demand: f32, met: bool) -> Directions {
-    Directions { high: !met && demand > 0.0, low: !met && demand < 0.0 }
+    Directions::new(!met && demand > 0.0, !met && demand < 0.0)
 }
 
 impl Mixer {
@@ -110,7 +110,7 @@ impl Mixer {
             yaw_fraction = fitting(yaw_fraction, -rotor.yaw_demand, given - low);
         }
         let refused = Refused {
-            thrust: Directions { high: given < thrust, low: given > thrust },
+            thrust: Directions::new(given < thrust, given > thrust),
             roll: refused_direction(roll, tilt_fraction >= 1.0),
             pitch: refused_direction(pitch, tilt_fraction >= 1.0),
             yaw: refused_direction(yaw, yaw_fraction >= 1.0),
@@ -154,7 +154,7 @@ mod tests {
             assert_eq!(nearly_saturated, 2.0 * (roll.abs() + pitch.abs()) > 0.8);
             (mixed, refused)
         };
-        let (high, low) = (Directions { high: true, low: false }, Directions { high: false, low: true });
+        let (high, low) = (Directions::HIGH, Directions::LOW);
         // Everything fits.
         assert_eq!(
             desaturate(0.5, [0.25, 0.125, 0.0]),
@@ -216,7 +216,7 @@ mod tests {
             let [wanted_thrust, wanted_roll, wanted_pitch, wanted_yaw] = [thrust, roll, pitch, yaw].map(f64::from);
             // The forward matrix turns 1 of w^2 into 1e-4 rad/s^2 and 1e-5 N.
             let near = |a: f64, b: f64, tolerance: f64| (a - b).abs() < tolerance;
-            if !refused.roll.high && !refused.roll.low {
+            if !refused.roll.high() && !refused.roll.low() {
                 prop_assert!(near(got_roll, wanted_roll, 1e-3) && near(got_pitch, wanted_pitch, 1e-3));
             } else {
                 let fraction = (got_roll * wanted_roll + got_pitch * wanted_pitch)
@@ -233,11 +233,11 @@ mod tests {
             // Less given than asked for is refused, and what is refused is not given; within the
             // rounding it may be either.
             let missing = wanted_thrust - got_thrust;
-            prop_assert!(missing < 1e-4 || refused.thrust.high, "{missing}");
-            prop_assert!(missing > -1e-4 || refused.thrust.low, "{missing}");
-            prop_assert!(missing > -1e-4 || !refused.thrust.high, "{missing}");
-            prop_assert!(missing < 1e-4 || !refused.thrust.low, "{missing}");
-            if !refused.yaw.high && !refused.yaw.low {
+            prop_assert!(missing < 1e-4 || refused.thrust.high(), "{missing}");
+            prop_assert!(missing > -1e-4 || refused.thrust.low(), "{missing}");
+            prop_assert!(missing > -1e-4 || !refused.thrust.high(), "{missing}");
+            prop_assert!(missing < 1e-4 || !refused.thrust.low(), "{missing}");
+            if !refused.yaw.high() && !refused.yaw.low() {
                 prop_assert!(near(got_yaw, wanted_yaw, 1e-3));
             } else {
                 let given = got_yaw * wanted_yaw.signum();

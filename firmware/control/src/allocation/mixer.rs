@@ -20,20 +20,45 @@ use crate::dsp::trig::sqrt;
 
 /// Directions in which an axis could not be followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Directions {
-    /// More was asked for than there is.
-    pub high: bool,
-    /// Less was asked for than there is.
-    pub low: bool,
-}
+pub struct Directions(u8);
 
 impl Directions {
+    /// Everything that was asked for happened.
+    pub const NONE: Self = Self(0);
+    /// More was asked for than there is.
+    pub const HIGH: Self = Self(1);
+    /// Less was asked for than there is.
+    pub const LOW: Self = Self(2);
     /// More and less.
-    pub(crate) const BOTH: Self = Self { high: true, low: true };
+    pub const BOTH: Self = Self(3);
+
+    /// More was asked for than there is, or less.
+    #[inline]
+    pub const fn new(high: bool, low: bool) -> Self {
+        Self(high as u8 | (low as u8) << 1)
+    }
+
+    /// Was more asked for than there is?
+    #[inline]
+    pub const fn high(self) -> bool {
+        self.0 & Self::HIGH.0 != 0
+    }
+
+    /// Was less asked for than there is?
+    #[inline]
+    pub const fn low(self) -> bool {
+        self.0 & Self::LOW.0 != 0
+    }
+
+    /// What either could not follow.
+    #[inline]
+    pub const fn or(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
 
     /// This refusal, seen by a loop whose output enters with a minus.
     pub fn swapped(self) -> Self {
-        Self { high: self.low, low: self.high }
+        Self::new(self.low(), self.high())
     }
 }
 
@@ -225,7 +250,7 @@ impl Mixer {
                 bits |= row.wants_less;
             }
         }
-        let axis = |up: u8| Directions { high: bits & up != 0, low: bits & (up << 4) != 0 };
+        let axis = |up: u8| Directions::new(bits & up != 0, bits & (up << 4) != 0);
         let [thrust, roll, pitch, yaw] = UP;
         Refused { thrust: axis(thrust), roll: axis(roll), pitch: axis(pitch), yaw: axis(yaw) }
     }
@@ -234,6 +259,18 @@ impl Mixer {
 /// Speeds in rad/s from squared speeds; negative ones (and what is not a number) become 0.
 #[inline]
 pub fn rotor_speeds(squared: [f32; 4]) -> [f32; 4] {
+    if are_positive(squared) { squared.map(sqrt) } else { speeds_of_those_that_turn(squared) }
+}
+
+/// Is each certainly a finite number above 0, or 0? Its bits are below those of infinity where those of all four together are, which is
+/// one comparison.
+#[inline]
+pub(crate) fn are_positive([a, b, c, d]: [f32; 4]) -> bool {
+    a.to_bits() | b.to_bits() | c.to_bits() | d.to_bits() < f32::INFINITY.to_bits()
+}
+
+#[cold]
+fn speeds_of_those_that_turn(squared: [f32; 4]) -> [f32; 4] {
     squared.map(|w2| if w2 > 0.0 { sqrt(w2) } else { 0.0 })
 }
 
@@ -330,6 +367,22 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// Whether all four are looked at together or each by itself.
+        #[test]
+        fn the_speed_of_a_rotor_is_its_own(exponents in any::<[u8; 4]>(), fractions in any::<[u32; 4]>(), narrow in any::<bool>()) {
+            let mut squares = [0.0; 4];
+            for ((w2, exponent), fraction) in squares.iter_mut().zip(exponents).zip(fractions) {
+                // Nearly all drawn bits are numbers that no four of a craft are; those of a craft have about one exponent.
+                let exponent = if narrow { 0x90 | exponent & 3 } else { exponent };
+                *w2 = f32::from_bits(u32::from(exponent) << 23 | fraction & 0x807f_ffff);
+            }
+            let by_itself = squares.map(|w2| if w2 > 0.0 { libm::sqrtf(w2) } else { 0.0 });
+            prop_assert_eq!(rotor_speeds(squares).map(f32::to_bits), by_itself.map(f32::to_bits));
+            prop_assert!(!are_positive(squares) || squares.iter().all(|w2| w2.is_finite() && w2.is_sign_positive()));
+        }
+    }
+
     #[test]
     fn negative_squares_are_zero_and_refused() {
         let mixer = Mixer::signs();
@@ -339,8 +392,8 @@ mod tests {
         assert_eq!(rotor_speeds([-0.0, 0.0, f32::NAN, -1.0]).map(f32::to_bits), [0; 4], "no zero has a sign");
         let ends = squares.map(|w2| AtEnd { high: false, low: w2 < 0.0 });
         let refused = mixer.refused(ends);
-        assert!(refused.roll.high && !refused.roll.low, "more roll to the right is refused");
-        assert!(refused.thrust.low && !refused.thrust.high, "less thrust is refused, more is not");
+        assert!(refused.roll == Directions::HIGH, "more roll to the right is refused");
+        assert!(refused.thrust == Directions::LOW, "less thrust is refused, more is not");
         assert!(!mixer.refused([AtEnd::default(); 4]).any());
     }
 
@@ -349,7 +402,7 @@ mod tests {
         let mixer = Mixer::signs();
         let mut ends = [AtEnd::default(); 4];
         ends[1].high = true; // front right
-        let only = |high, low| Directions { high, low };
+        let only = Directions::new;
         let want = Refused {
             thrust: only(true, false),
             roll: only(false, true),
@@ -382,7 +435,7 @@ mod tests {
                         at_end[rotor].high && more > 0.0 || at_end[rotor].low && more < 0.0
                     })
                 };
-                let axis = |k| Directions { high: refuses(k, 1.0), low: refuses(k, -1.0) };
+                let axis = |k| Directions::new(refuses(k, 1.0), refuses(k, -1.0));
                 let want = Refused { thrust: axis(0), roll: axis(1), pitch: axis(2), yaw: axis(3) };
                 let got = mixer.refused(at_end);
                 assert_eq!(got, want, "{rows:?} {at_end:?}");

@@ -51,12 +51,16 @@ pub fn rotor_speed_rad_s(params: &MotorMapParams, command: f64, battery_v: f64) 
 pub struct CommandRange {
     low: f32,
     high: f32,
+    /// By how much the bits of the highest command exceed those of the lowest, where both are positive; 0 where not.
+    span: u32,
 }
 
 impl CommandRange {
     /// Ends in command units, first the idle command.
     pub fn new([low, high]: [f64; 2]) -> Self {
-        Self { low: low as f32, high: high as f32 }
+        let (low, high) = (low as f32, high as f32);
+        let span = if low.is_sign_positive() { high.to_bits().saturating_sub(low.to_bits()) } else { 0 };
+        Self { low, high, span }
     }
 
     /// Lowest and highest command.
@@ -67,6 +71,14 @@ impl CommandRange {
     /// The idle command.
     pub fn idle(&self) -> f32 {
         self.low
+    }
+
+    /// Are all certainly inside the range? Compared as integers, in fewer instructions; so where the range begins below 0, only its
+    /// lowest command is certain. What is not a number is never inside.
+    #[inline]
+    pub(crate) fn surely_holds(&self, commands: [f32; 4]) -> bool {
+        let low = self.low.to_bits();
+        commands.iter().all(|command| command.to_bits().wrapping_sub(low) <= self.span)
     }
 
     /// The nearest command inside the range. What is not a number becomes idle.
@@ -128,6 +140,19 @@ mod tests {
                 let [back, ..] = MotorMap::new(&params).commands([omega as f32; 4], volts as f32);
                 let again = rotor_speed_rad_s(&params, f64::from(back), volts);
                 prop_assert!((again - omega).abs() < tolerance_rad_s, "{omega} -> {again}");
+            }
+        }
+
+        /// What is surely inside is; and in a range from 0 on, what is inside is surely so.
+        #[test]
+        fn what_is_surely_inside_is_inside(low in -2000.0_f64..2000.0, width in 0.0_f64..2000.0, bits in any::<u32>(), command in -3000.0_f32..5000.0) {
+            let range = CommandRange::new([low, low + width]);
+            let [low, high] = range.ends();
+            for command in [f32::from_bits(bits), command, low, high, low.next_down(), high.next_up()] {
+                let inside = command >= low && command <= high;
+                let surely = range.surely_holds([low, command, low, low]);
+                prop_assert!(inside || !surely, "{command} in {range:?}");
+                prop_assert!(surely || !inside || low < 0.0, "{command} in {range:?}");
             }
         }
 

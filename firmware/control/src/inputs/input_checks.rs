@@ -158,9 +158,25 @@ impl HeldInputs {
         self.position_command_m = [x, y];
     }
 
-    /// Accepts the good fields of a command, with positions moved into the box.
+    /// Accepts a command, or its good fields, with positions moved into the box. Is it known to be finite?
     #[inline]
-    pub(crate) fn command(&mut self, c: &Command, bounds: &Bounds, faults: &mut Faults) {
+    pub(crate) fn command(&mut self, c: &Command, finite: bool, bounds: &Bounds, faults: &mut Faults) {
+        let ([roll, pitch], [x, y]) = (c.attitude_rad, c.position_m);
+        let greatest = magnitude(roll).max(magnitude(pitch)).max(magnitude(c.yaw_rad));
+        if greatest > ANGLE_LIMIT_RAD.to_bits() || !(finite || is_finite(c)) {
+            return self.command_in_part(c, bounds, faults);
+        }
+        self.attitude_command_rad = c.attitude_rad;
+        self.yaw_command_rad = wrap_angle(c.yaw_rad);
+        self.z_command_m = bounds.z.clamp(c.z_m);
+        self.position_command_m = [bounds.x.clamp(x), bounds.y.clamp(y)];
+        self.injection = c.injection;
+        faults.command.note(false);
+    }
+
+    /// The rare case of [`HeldInputs::command`].
+    #[cold]
+    fn command_in_part(&mut self, c: &Command, bounds: &Bounds, faults: &mut Faults) {
         let mut good = take_all(&mut self.attitude_command_rad, c.attitude_rad, ANGLE_LIMIT_RAD);
         good &= take(&mut self.yaw_command_rad, c.yaw_rad, ANGLE_LIMIT_RAD);
         self.yaw_command_rad = wrap_angle(self.yaw_command_rad);
@@ -235,7 +251,7 @@ mod tests {
         let mut faults = Faults::default();
         let mut commanded = |x, y, z| {
             let command = Command { position_m: [x, y], z_m: z, ..Command::default() };
-            inputs.command(&command, &bounds(), &mut faults);
+            inputs.command(&command, false, &bounds(), &mut faults);
             let [x, y] = inputs.position_command_m;
             [x, y, inputs.z_command_m]
         };
@@ -244,6 +260,29 @@ mod tests {
         assert_eq!(commanded(-3.0, -1.5, 0.5), [-2.0, -1.0, 0.0]);
         assert_eq!(commanded(f32::NAN, 0.0, -0.5), [-2.0, 0.0, -0.5], "the last good x is held");
         assert_eq!(faults.command, Fault { now: true, count: 1 });
+    }
+
+    proptest! {
+        /// All at once or field by field.
+        #[test]
+        fn a_good_command_is_what_its_fields_are(numbers in any::<[f32; 10]>(), scale in prop::sample::select(vec![1e-30_f32, 1e-3, 1.0, 1e30])) {
+            let [roll, pitch, yaw_rad, z_m, x, y, i, j, k, l] = numbers.map(|number| number * scale);
+            let command = Command {
+                attitude_rad: [roll, pitch],
+                yaw_rad,
+                z_m,
+                position_m: [x, y],
+                injection: [i, j, k, l],
+                ..Command::default()
+            };
+            let (mut at_once, mut in_part) = ((HeldInputs::default(), Faults::default()), (HeldInputs::default(), Faults::default()));
+            in_part.0.command_in_part(&command, &bounds(), &mut in_part.1);
+            for finite in [false, is_finite(&command)] {
+                at_once.0.command(&command, finite, &bounds(), &mut at_once.1);
+                prop_assert_eq!(at_once.0, in_part.0);
+                prop_assert_eq!(at_once.1.command.now, in_part.1.command.now);
+            }
+        }
     }
 
     #[test]
@@ -278,7 +317,7 @@ mod tests {
     fn a_bad_injection_is_none() {
         let mut inputs = HeldInputs::default();
         let command = Command { injection: [5.0, f32::NAN, f32::INFINITY, -5.0], ..Command::default() };
-        inputs.command(&command, &bounds(), &mut Faults::default());
+        inputs.command(&command, false, &bounds(), &mut Faults::default());
         assert_eq!(inputs.injection, [5.0, 0.0, 0.0, -5.0]);
     }
 
@@ -311,7 +350,7 @@ mod tests {
                 injection: [g(6), g(7), g(8), g(9)],
                 ..Command::default()
             };
-            inputs.command(&command, &bounds(), &mut faults);
+            inputs.command(&command, false, &bounds(), &mut faults);
             let HeldInputs { position_m, attitude_rad, gyro_rad_s, battery_v, .. } = inputs;
             prop_assert!(position_m.iter().all(|x| x.abs() <= POSITION_LIMIT_M));
             prop_assert!(attitude_rad.iter().all(|x| x.abs() <= ANGLE_LIMIT_RAD));

@@ -83,7 +83,7 @@ mod tests {
         AltitudeLoop::new(&law.loops.altitude, law.hover_thrust_n, 0.01, true)
     }
 
-    const FREE: Directions = Directions { high: false, low: false };
+    const FREE: Directions = Directions::NONE;
 
     #[test]
     fn too_low_or_sinking_means_more_thrust() {
@@ -118,7 +118,7 @@ mod tests {
     #[test]
     fn refused_thrust_stops_the_integral_that_asks_for_it() {
         let law = altitude();
-        let more_refused = Directions { high: true, low: false };
+        let more_refused = Directions::HIGH;
         let mut state = law.start(-1.0);
         let (out, _) = law.step(&mut state, -1.0, -0.5, 0.0, more_refused);
         assert_eq!(out.terms.i, 0.0, "too low, asks for more thrust, there is none");

@@ -107,7 +107,7 @@ mod tests {
     use crate::config::gains::{Config, Law};
     use core::f32::consts::PI;
 
-    const FREE: Directions = Directions { high: false, low: false };
+    const FREE: Directions = Directions::NONE;
 
     fn gains() -> (InnerLoop, InnerLoop) {
         let Law::ModelBased(law) = Config::thesis().law else { unreachable!() };

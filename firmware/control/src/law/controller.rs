@@ -30,7 +30,7 @@
 //! limit of the thrust.
 
 use crate::allocation::desaturation::Desaturated;
-use crate::allocation::mixer::{Directions, Mixer, Refused, rotor_speeds};
+use crate::allocation::mixer::{Directions, Mixer, Refused, are_positive, rotor_speeds};
 use crate::allocation::motor_map::{CommandRange, MotorMap};
 use crate::config::error::ConfigError;
 use crate::config::gains::{Config, Law, Saturation};
@@ -38,10 +38,10 @@ use crate::config::range_check::RangeCheck;
 use crate::inputs::input_checks::{Bounds, Faults, HeldInputs};
 use crate::inputs::readings::{Command, Measurement, Mode};
 use crate::law::altitude::{AltitudeLoop, AltitudeLoopState};
-use crate::law::attitude::{AngleLoop, AngleLoopState, LoopOutput};
+use crate::law::attitude::{AngleLoop, AngleLoopState};
 use crate::law::estimator::{Estimates, Estimator, EstimatorState};
 use crate::law::position::{PositionLaw, PositionState};
-use crate::law::terms::{OuterTerms, Terms, Tick};
+use crate::law::terms::{Terms, Tick};
 
 /// The immutable part: what [`Config`] was built into.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -130,6 +130,8 @@ pub(crate) struct Guided<'a> {
     pub(crate) stands: bool,
     /// Absent: the values of the last one are kept.
     pub(crate) command: Option<&'a Command>,
+    /// The command is known to be finite.
+    pub(crate) finite: bool,
 }
 
 /// The controller: an immutable law and a small memory. Copying it is taking a snapshot.
@@ -217,7 +219,8 @@ impl Controller {
     pub fn tick(&mut self, measurement: &Measurement, command: &Command) -> Tick {
         let mut outcome = Tick::default();
         let Command { mode, cut_off, .. } = *command;
-        let guided = Guided { mode, cut_off, lands: false, stands: false, command: Some(command) };
+        let guided =
+            Guided { mode, cut_off, lands: false, stands: false, command: Some(command), finite: false };
         self.tick_into(measurement, false, &guided, &mut outcome);
         outcome
     }
@@ -235,7 +238,7 @@ impl Controller {
         outcome: &mut Tick,
     ) {
         let Self { laws, memory } = self;
-        let Guided { mode, cut_off, lands, stands, command } = *guided;
+        let Guided { mode, cut_off, lands, stands, command, finite } = *guided;
         memory.faults.internal.note(false);
         let wants_gyro = laws.estimator.uses_gyro();
         let all_good = if checked {
@@ -245,125 +248,93 @@ impl Controller {
         };
         if !memory.started {
             if !all_good {
-                return idle(laws, memory, None, outcome);
+                outcome.terms = Terms::default();
+                return idle(laws, memory, outcome);
             }
             memory.inputs.hold_here();
             memory.started = true;
         }
         match command {
-            Some(command) => memory.inputs.command(command, laws.bounds(lands), &mut memory.faults),
+            Some(command) => memory.inputs.command(command, finite, laws.bounds(lands), &mut memory.faults),
             None => memory.faults.command.note(false),
         }
-        let estimates = estimate(laws, memory, measurement.gyro_rad_s.is_some());
+        // Each term is written where it belongs as it comes: a copy of all of them would cost as much as three loops.
+        let terms = &mut outcome.terms;
+        (terms.position_m, terms.attitude_rad) = (memory.inputs.position_m, memory.inputs.attitude_rad);
+        let upright = estimate(laws, memory, measurement.gyro_rad_s.is_some(), terms);
         if cut_off {
-            return idle(laws, memory, Some(&estimates), outcome);
+            return idle(laws, memory, outcome);
         }
-        let (attitude_command_rad, outer) = outer_loop(laws, memory, mode, stands);
-        let loops = inner_loops(laws, memory, &estimates, attitude_command_rad, stands);
-        let motors = allocate(laws, memory, &loops, estimates.battery_v);
-        let inputs = &memory.inputs;
-        outcome.terms = Terms {
-            position_m: inputs.position_m,
-            attitude_rad: inputs.attitude_rad,
-            battery_v: estimates.battery_v,
-            euler_rates_rad_s: estimates.euler_rates_rad_s,
-            body_rates_rad_s: estimates.body_rates_rad_s,
-            z_rate_m_s: estimates.z_rate_m_s,
-            outer,
-            attitude_command_rad,
-            z_command_m: inputs.z_command_m,
-            attitude_reference_rad: [loops.roll.reference, loops.pitch.reference, loops.yaw.reference],
-            z_reference_m: loops.altitude.reference,
-            attitude_error_rad: [loops.roll.error, loops.pitch.error, loops.yaw.error],
-            z_error_m: loops.altitude.error,
-            roll: loops.roll.terms,
-            pitch: loops.pitch.terms,
-            yaw: loops.yaw.terms,
-            altitude: loops.altitude.terms,
-            thrust: loops.thrust,
-            torque: loops.torque(),
-            rotor_speed_rad_s: motors.rotor_speed_rad_s,
-        };
+        outer_loop(laws, memory, mode, stands, terms);
+        inner_loops(laws, memory, upright, stands, terms);
+        let motors = allocate(laws, memory, terms);
+        terms.rotor_speed_rad_s = motors.rotor_speed_rad_s;
         (outcome.pwm, outcome.refused, outcome.faults) = (memory.pwm, motors.refused, memory.faults);
     }
 }
 
-/// Motors at idle; the loops start anew after it.
+/// Motors at idle; the loops start anew after it. Of the terms those of the estimators are kept.
 #[cold]
-fn idle(laws: &Laws, memory: &mut Memory, estimates: Option<&Estimates>, outcome: &mut Tick) {
+fn idle(laws: &Laws, memory: &mut Memory, outcome: &mut Tick) {
     (memory.position, memory.inner) = (None, None);
     memory.pwm = [laws.range.idle(); 4];
-    let mut terms = Terms::default();
-    if let Some(estimates) = estimates {
-        terms.position_m = memory.inputs.position_m;
-        terms.attitude_rad = memory.inputs.attitude_rad;
-        terms.battery_v = estimates.battery_v;
-        terms.euler_rates_rad_s = estimates.euler_rates_rad_s;
-        terms.body_rates_rad_s = estimates.body_rates_rad_s;
-        terms.z_rate_m_s = estimates.z_rate_m_s;
-    }
+    let Terms {
+        position_m, attitude_rad, battery_v, euler_rates_rad_s, body_rates_rad_s, z_rate_m_s, ..
+    } = outcome.terms;
+    let terms = Terms {
+        position_m,
+        attitude_rad,
+        battery_v,
+        euler_rates_rad_s,
+        body_rates_rad_s,
+        z_rate_m_s,
+        ..Terms::default()
+    };
     *outcome = Tick { pwm: memory.pwm, terms, refused: Refused::default(), faults: memory.faults };
 }
 
-/// Step 2: rates and voltage.
+/// Step 2: rates and voltage. Gives `cos(phi) cos(theta)`.
 #[inline]
-fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool) -> Estimates {
+fn estimate(laws: &Laws, memory: &mut Memory, gyro_came: bool, terms: &mut Terms) -> f32 {
     let HeldInputs { position_m: [_, _, z_m], attitude_rad, gyro_rad_s, battery_v, .. } = memory.inputs;
     let state = memory
         .estimator
         .get_or_insert_with(|| laws.estimator.start(attitude_rad, z_m, battery_v, gyro_rad_s));
-    laws.estimator.step(state, attitude_rad, z_m, battery_v, gyro_came.then_some(gyro_rad_s))
+    let Estimates { euler_rates_rad_s, body_rates_rad_s, z_rate_m_s, battery_v, upright } =
+        laws.estimator.step(state, attitude_rad, z_m, battery_v, gyro_came.then_some(gyro_rad_s));
+    (terms.euler_rates_rad_s, terms.body_rates_rad_s) = (euler_rates_rad_s, body_rates_rad_s);
+    (terms.z_rate_m_s, terms.battery_v) = (z_rate_m_s, battery_v);
+    upright
 }
 
-/// Step 3: roll, pitch and yaw commands in rad.
+/// Step 3: roll, pitch and yaw commands.
 #[inline]
-fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode, stands: bool) -> ([f32; 3], Option<OuterTerms>) {
+fn outer_loop(laws: &Laws, memory: &mut Memory, mode: Mode, stands: bool, terms: &mut Terms) {
     let inputs = &memory.inputs;
-    match mode {
+    let [roll, pitch] = match mode {
         Mode::Attitude => {
-            memory.position = None;
-            let [roll, pitch] = inputs.attitude_command_rad;
-            ([roll, pitch, inputs.yaw_command_rad], None)
+            (memory.position, terms.outer) = (None, None);
+            inputs.attitude_command_rad
         }
         Mode::Position => {
             let ([x, y, _], [_, _, yaw]) = (inputs.position_m, inputs.attitude_rad);
             let state = memory.position.get_or_insert_with(|| laws.position.start([x, y]));
-            let refused = if stands { Directions::BOTH } else { Directions::default() };
-            let ([roll, pitch], outer) =
-                laws.position.step(state, inputs.position_command_m, [x, y], yaw, refused);
-            ([roll, pitch, inputs.yaw_command_rad], Some(outer))
+            let refused = if stands { Directions::BOTH } else { Directions::NONE };
+            let (tilt, outer) = laws.position.step(state, inputs.position_command_m, [x, y], yaw, refused);
+            terms.outer = Some(outer);
+            tilt
         }
-    }
-}
-
-/// What the inner loops ask for.
-struct InnerOutput {
-    roll: LoopOutput,
-    pitch: LoopOutput,
-    yaw: LoopOutput,
-    altitude: LoopOutput,
-    thrust: f32,
-}
-
-impl InnerOutput {
-    #[inline]
-    fn torque(&self) -> [f32; 3] {
-        [self.roll.terms.output, self.pitch.terms.output, self.yaw.terms.output]
-    }
+    };
+    terms.attitude_command_rad = [roll, pitch, inputs.yaw_command_rad];
 }
 
 /// Steps 4 to 6: thrust and angular accelerations.
 #[inline]
-fn inner_loops(
-    laws: &Laws,
-    memory: &mut Memory,
-    estimates: &Estimates,
-    commands: [f32; 3],
-    stands: bool,
-) -> InnerOutput {
+fn inner_loops(laws: &Laws, memory: &mut Memory, upright: f32, stands: bool, terms: &mut Terms) {
     let HeldInputs { position_m: [_, _, z], attitude_rad: [phi, theta, psi], z_command_m, .. } =
         memory.inputs;
-    let ([roll_command, pitch_command, yaw_command], [p, q, r]) = (commands, estimates.body_rates_rad_s);
+    let ([roll_command, pitch_command, yaw_command], [p, q, r]) =
+        (terms.attitude_command_rad, terms.body_rates_rad_s);
     let state = memory.inner.get_or_insert_with(|| InnerState {
         roll: laws.roll.start(roll_command),
         pitch: laws.pitch.start(pitch_command),
@@ -372,19 +343,28 @@ fn inner_loops(
         refused: Refused::default(),
         tilt_fraction: 1.0,
     });
-    let refused = if stands { Refused::ALL } else { state.refused };
+    let refused = if stands { &Refused::ALL } else { &state.refused };
     let (roll_command, pitch_command) =
         (state.tilt_fraction * roll_command, state.tilt_fraction * pitch_command);
     let roll = laws.roll.step_tilt(&mut state.roll, roll_command, phi, p, refused.roll);
+    terms.roll = roll.terms;
     let pitch = laws.pitch.step_tilt(&mut state.pitch, pitch_command, theta, q, refused.pitch);
+    terms.pitch = pitch.terms;
     let yaw = laws.yaw.step_yaw(&mut state.yaw, yaw_command, psi, r, refused.yaw);
+    terms.yaw = yaw.terms;
+    terms.attitude_reference_rad = [roll.reference, pitch.reference, yaw.reference];
+    terms.attitude_error_rad = [roll.error, pitch.error, yaw.error];
+    terms.torque = [roll.terms.output, pitch.terms.output, yaw.terms.output];
     let (altitude, mut thrust) =
-        laws.altitude.step(&mut state.altitude, z_command_m, z, estimates.z_rate_m_s, refused.thrust);
+        laws.altitude.step(&mut state.altitude, z_command_m, z, terms.z_rate_m_s, refused.thrust);
+    terms.z_command_m = z_command_m;
+    (terms.z_reference_m, terms.z_error_m, terms.altitude) =
+        (altitude.reference, altitude.error, altitude.terms);
     if laws.tilt_compensation {
         // What is not a number stays one, for the end of the tick to see.
-        thrust /= if estimates.upright > LEAST_UPRIGHT { estimates.upright } else { LEAST_UPRIGHT };
+        thrust /= if upright > LEAST_UPRIGHT { upright } else { LEAST_UPRIGHT };
     }
-    InnerOutput { roll, pitch, yaw, altitude, thrust }
+    terms.thrust = thrust;
 }
 
 /// How fast the tilt is reduced while the motors are nearly saturated, fractions of the command per
@@ -405,22 +385,18 @@ struct Motors {
 
 /// Step 7: motor commands, and what they refuse.
 #[inline]
-fn allocate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> Motors {
-    let mixed = laws.mixer.mix(loops.thrust, loops.torque());
+fn allocate(laws: &Laws, memory: &mut Memory, terms: &Terms) -> Motors {
+    let mixed = laws.mixer.mix(terms.thrust, terms.torque);
     // Before the square roots, which make 0 of a NaN.
-    if !are_finite(mixed) {
+    if !are_positive(mixed) && !are_finite(mixed) {
         return internal_fault(memory);
     }
-    let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
-    memory.pwm = wanted.map(|command| laws.range.clamp(command));
-    let no_rotor_backwards =
-        rotor_speed_rad_s.is_none() || mixed.iter().fold(true, |all, w2| all & (*w2 >= 0.0));
-    let (motors, nearly_saturated) = if no_rotor_backwards && memory.pwm == wanted {
+    let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, terms.battery_v);
+    let (motors, nearly_saturated) = if are_positive(mixed) && laws.range.surely_holds(wanted) {
+        memory.pwm = wanted;
         (Motors { rotor_speed_rad_s, refused: Refused::default() }, false)
-    } else if laws.attitude_first {
-        desaturate(laws, memory, loops, battery_v)
     } else {
-        (Motors { rotor_speed_rad_s, refused: refusal(laws, mixed, wanted) }, false)
+        at_an_end(laws, memory, terms, (mixed, wanted))
     };
     if let Some(inner) = &mut memory.inner {
         inner.refused = motors.refused;
@@ -456,20 +432,40 @@ fn commands(laws: &Laws, memory: &Memory, mixed: [f32; 4], battery_v: f32) -> (O
     (rotor_speed_rad_s, wanted)
 }
 
+/// Step 7 where some motor may be at an end. Also whether roll and pitch take nearly all there is.
+#[cold]
+fn at_an_end(
+    laws: &Laws,
+    memory: &mut Memory,
+    terms: &Terms,
+    (mixed, wanted): ([f32; 4], [f32; 4]),
+) -> (Motors, bool) {
+    memory.pwm = wanted.map(|command| laws.range.clamp(command));
+    let rotor_speed_rad_s = laws.motor_map.map(|_| rotor_speeds(mixed));
+    let no_rotor_backwards = rotor_speed_rad_s.is_none() || mixed.iter().all(|w2| *w2 >= 0.0);
+    if no_rotor_backwards && memory.pwm == wanted {
+        (Motors { rotor_speed_rad_s, refused: Refused::default() }, false)
+    } else if laws.attitude_first {
+        desaturate(laws, memory, terms)
+    } else {
+        (Motors { rotor_speed_rad_s, refused: refusal(laws, mixed, wanted) }, false)
+    }
+}
+
 /// Step 7 where some motor is at an end, and roll and pitch come first. The injection is never
 /// reduced. Also whether roll and pitch take nearly all there is.
 #[cold]
-fn desaturate(laws: &Laws, memory: &mut Memory, loops: &InnerOutput, battery_v: f32) -> (Motors, bool) {
+fn desaturate(laws: &Laws, memory: &mut Memory, terms: &Terms) -> (Motors, bool) {
     let ends = laws.range.ends().map(|end| {
         memory.inputs.injection.map(|injection| match &laws.motor_map {
-            Some(map) => map.squared_speed(end - injection, battery_v),
+            Some(map) => map.squared_speed(end - injection, terms.battery_v),
             None => end - injection,
         })
     });
     let [low, high] = ends;
     let Desaturated { mixed, refused, nearly_saturated } =
-        laws.mixer.desaturate(loops.thrust, loops.torque(), low, high);
-    let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, battery_v);
+        laws.mixer.desaturate(terms.thrust, terms.torque, low, high);
+    let (rotor_speed_rad_s, wanted) = commands(laws, memory, mixed, terms.battery_v);
     // What rounding leaves outside.
     memory.pwm = wanted.map(|command| laws.range.clamp(command));
     (Motors { rotor_speed_rad_s, refused }, nearly_saturated)
@@ -500,6 +496,8 @@ fn internal_fault(memory: &mut Memory) -> Motors {
 mod tests {
     use super::*;
     use crate::config::gains::GyroFusion;
+    use crate::law::pid::PidTerms;
+    use crate::law::terms::OuterTerms;
 
     const HOVER: Measurement = Measurement {
         position_m: [0.0, 0.0, -1.0],
@@ -523,6 +521,61 @@ mod tests {
 
     /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32
     /// holds 1700 to 1.2e-4).
+    /// Nothing of what stood in an outcome before is left, whatever the tick does.
+    #[test]
+    fn every_term_is_written_in_every_tick() {
+        let (three, pid) = ([7.0; 3], PidTerms { p: 7.0, i: 7.0, d: 7.0, output: 7.0 });
+        let outer =
+            OuterTerms { reference_m: [7.0; 2], error_m: [7.0; 2], velocity_m_s: [7.0; 2], x: pid, y: pid };
+        let terms = Terms {
+            position_m: three,
+            attitude_rad: three,
+            battery_v: 7.0,
+            euler_rates_rad_s: three,
+            body_rates_rad_s: three,
+            z_rate_m_s: 7.0,
+            outer: Some(outer),
+            attitude_command_rad: three,
+            z_command_m: 7.0,
+            attitude_reference_rad: three,
+            z_reference_m: 7.0,
+            attitude_error_rad: three,
+            z_error_m: 7.0,
+            roll: pid,
+            pitch: pid,
+            yaw: pid,
+            altitude: pid,
+            thrust: 7.0,
+            torque: three,
+            rotor_speed_rad_s: Some([7.0; 4]),
+        };
+        for config in [Config::thesis(), Config::thesis_hand_tuned()] {
+            let mut controller = Controller::new(&config).unwrap();
+            let nowhere = Measurement { position_m: [f32::NAN; 3], ..HOVER };
+            let tilted = Measurement { attitude_rad: [0.1, -0.1, 0.3], ..HOVER };
+            for (measurement, mode, cut_off) in [
+                (nowhere, Mode::Attitude, false),
+                (HOVER, Mode::Attitude, true),
+                (tilted, Mode::Position, false),
+                (HOVER, Mode::Attitude, false),
+            ] {
+                let command = Command { mode, cut_off, ..STAY };
+                let guided = Guided {
+                    mode,
+                    cut_off,
+                    lands: false,
+                    stands: false,
+                    command: Some(&command),
+                    finite: true,
+                };
+                let mut over = Tick { terms, refused: Refused::ALL, pwm: [7.0; 4], ..Tick::default() };
+                let mut copy = controller;
+                copy.tick_into(&measurement, false, &guided, &mut over);
+                assert_eq!(over, controller.tick(&measurement, &command), "{mode:?} {cut_off}");
+            }
+        }
+    }
+
     #[test]
     fn hover_is_hover() {
         let mut controller = thesis();
@@ -639,8 +692,8 @@ mod tests {
         assert_eq!(tick.pwm[3], 2000.0);
         // Motor 4 (rear left) at its upper end: it has no more for thrust, roll right and pitch
         // down.
-        assert!(tick.refused.thrust.high && tick.refused.roll.high && tick.refused.pitch.low);
-        assert!(!tick.refused.thrust.low && !tick.refused.roll.low && !tick.refused.pitch.high);
+        assert!(tick.refused.thrust.high() && tick.refused.roll.high() && tick.refused.pitch.low());
+        assert!(!tick.refused.thrust.low() && !tick.refused.roll.low() && !tick.refused.pitch.high());
     }
 
     /// Saturation flows backwards: with the rotors at their end the integral stands, without
@@ -652,7 +705,7 @@ mod tests {
             let mut controller = Controller::new(&Config { anti_windup, ..Config::thesis() }).unwrap();
             let command = Command { z_m: -2.0, ..STAY };
             let early = (0..10).map(|_| controller.tick(&deep, &command)).last().unwrap();
-            assert!(early.refused.thrust.high, "18 N/m * 2 m is more than there is");
+            assert!(early.refused.thrust.high(), "18 N/m * 2 m is more than there is");
             let late = (0..100).map(|_| controller.tick(&deep, &command)).last().unwrap();
             assert_eq!(late.terms.altitude.i == early.terms.altitude.i, stands);
             let high = Measurement { position_m: [0.0, 0.0, -3.0], ..HOVER };
@@ -677,6 +730,7 @@ mod tests {
                     lands: false,
                     stands,
                     command: Some(&command),
+                    finite: false,
                 };
                 controller.tick_into(&off, false, &guided, &mut outcome);
                 let Terms { roll, pitch, yaw, altitude, outer, .. } = outcome.terms;
@@ -855,7 +909,7 @@ mod tests {
         let tick = thesis().tick(&high, &Command { attitude_rad: [1.1, 0.0], ..STAY });
         assert!(tick.pwm.iter().all(|pwm| *pwm > 1040.0 && *pwm < 1900.0), "{:?}", tick.pwm);
         let Refused { thrust, roll, .. } = tick.refused;
-        assert!(roll.high && !roll.low && thrust.low && !thrust.high, "{:?}", tick.refused);
+        assert!(roll == Directions::HIGH && thrust == Directions::LOW, "{:?}", tick.refused);
         assert!(!thesis().tick(&Measurement { battery_v: 8.5, ..HOVER }, &STAY).refused.any());
     }
 
@@ -878,7 +932,7 @@ mod tests {
         let high = Measurement { position_m: [0.0, 0.0, -1.5], battery_v: 8.5, ..HOVER };
         let tick = controller.tick(&high, &Command { attitude_rad: [1.1, 0.0], ..STAY });
         assert_eq!((tick.terms.thrust, tick.terms.rotor_speed_rad_s.unwrap()[0]), (0.0, 0.0));
-        assert!(tick.refused.roll.high && !tick.refused.thrust.low, "{:?}", tick.refused);
+        assert!(tick.refused.roll.high() && !tick.refused.thrust.low(), "{:?}", tick.refused);
     }
 
     /// Every law with roll and pitch first.
@@ -941,13 +995,13 @@ mod tests {
                 let deep = Measurement { position_m: [0.0, 0.0, 0.0], ..HOVER };
                 let tick = controller.tick(&deep, &command);
                 let most = tick.pwm.into_iter().fold(0.0, f32::max);
-                assert!((most - 2000.0).abs() < 0.1 && tick.refused.thrust.high, "{injection}: {tick:?}");
+                assert!((most - 2000.0).abs() < 0.1 && tick.refused.thrust.high(), "{injection}: {tick:?}");
                 let command = Command { z_m: 0.0, injection: [injection; 4], ..STAY };
                 let high = Measurement { position_m: [0.0, 0.0, -2.0], ..HOVER };
                 let tick = attitude_first(config).tick(&high, &command);
                 let least = tick.pwm.into_iter().fold(f32::MAX, f32::min);
                 assert!(
-                    (1000.0..1100.0).contains(&least) && tick.refused.thrust.low,
+                    (1000.0..1100.0).contains(&least) && tick.refused.thrust.low(),
                     "{injection}: {tick:?}"
                 );
             }

@@ -70,6 +70,13 @@ impl Pid {
         self.ki * state.integral
     }
 
+    /// Does the error ask for more of what was refused?
+    #[cold]
+    #[inline(never)]
+    fn is_blocked(&self, refused: Directions, error: f32) -> bool {
+        self.anti_windup && (refused.high() && error > 0.0 || refused.low() && error < 0.0)
+    }
+
     /// One step with nothing between the sum and the output. `refused` is what lay behind the
     /// loop's last output.
     #[inline]
@@ -89,22 +96,19 @@ impl Pid {
         refused: Directions,
         filter: impl FnOnce(f32) -> f32,
     ) -> PidTerms {
-        let refused =
-            Directions { high: refused.high | state.refused.high, low: refused.low | state.refused.low };
-        let any = refused.high | refused.low;
-        let blocked = any && self.anti_windup && (refused.high && error > 0.0 || refused.low && error < 0.0);
-        if !blocked {
+        let refused = refused.or(state.refused);
+        if refused == Directions::NONE || !self.is_blocked(refused, error) {
             state.integral += error * self.period_s;
         }
         let (p, i, d) = (self.kp * error, self.ki * state.integral, -(self.kd * rate));
         let wanted = filter(p + i) + d;
         if wanted.abs() <= self.limit {
-            state.refused = Directions::default();
+            state.refused = Directions::NONE;
             return PidTerms { p, i, d, output: wanted };
         }
         // Not `clamp`, which panics if a limit is not a number. A NaN stays one, for the end of the
         // tick to see.
-        state.refused = Directions { high: wanted > 0.0, low: wanted < 0.0 };
+        state.refused = Directions::new(wanted > 0.0, wanted < 0.0);
         let output = if wanted > 0.0 {
             self.limit
         } else if wanted < 0.0 {
@@ -121,9 +125,9 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const FREE: Directions = Directions { high: false, low: false };
-    const HIGH: Directions = Directions { high: true, low: false };
-    const LOW: Directions = Directions { high: false, low: true };
+    const FREE: Directions = Directions::NONE;
+    const HIGH: Directions = Directions::HIGH;
+    const LOW: Directions = Directions::LOW;
 
     /// One second of unit error integrates to ki at any rate: catches every hidden period.
     #[test]

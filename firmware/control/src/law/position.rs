@@ -134,7 +134,7 @@ mod tests {
     use crate::config::gains::{Config, Law};
     use core::f32::consts::FRAC_PI_2;
 
-    const FREE: Directions = Directions { high: false, low: false };
+    const FREE: Directions = Directions::NONE;
 
     fn law() -> PositionLaw {
         let Law::ModelBased(law) = Config::thesis().law else { unreachable!() };

@@ -52,7 +52,8 @@ impl HoverThrust {
         limits: &HoverLimits,
     ) {
         // cos(phi) cos(theta) to second order: 0.5 % off at 20 degrees of both.
-        let upright = (1.0 - 0.5 * (roll * roll + pitch * pitch)).max(0.5);
+        let upright = 1.0 - 0.5 * (roll * roll + pitch * pitch);
+        let upright = if upright > 0.5 { upright } else { 0.5 };
         let vertical = thrust * if limits.per_m_s > 0.0 { upright } else { 1.0 };
         if vertical.is_finite() && z_rate_m_s.is_finite() {
             self.smoothed += limits.smoothing * (vertical - self.smoothed);
