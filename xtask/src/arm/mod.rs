@@ -441,7 +441,7 @@ pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>> {
 }
 
 /// An STM32F405 has 1 MB of flash, 128 KB of RAM and 1,680,000 cycles in a period; half of each is for what is to come, and a
-/// cycle may do less than an instruction.
+/// cycle may do less than an instruction. The tick's limit is its aim, supervisor and checks included.
 fn beyond_limits(report: &Value) -> Vec<String> {
     let limits = [
         ("flash of the STM32F405's program, bytes", &report["stm32f405"]["flash_bytes"], 512 << 10),
@@ -452,6 +452,16 @@ fn beyond_limits(report: &Value) -> Vec<String> {
             "instructions in the period of a change of gains",
             &report["measured"]["instructions"]["gains_change"],
             1_680_000,
+        ),
+        (
+            "instructions of a tick in attitude mode",
+            &report["measured"]["instructions"]["tick_attitude"],
+            1_500,
+        ),
+        (
+            "instructions of a tick in position mode",
+            &report["measured"]["instructions"]["tick_position"],
+            1_500,
         ),
     ];
     let over =
@@ -487,13 +497,13 @@ mod tests {
         let mut report = json!({
             "stm32f405": { "flash_bytes": 100_000, "ram_bytes": 5000 },
             "measured": { "stack_bytes": 9000,
-                "instructions": { "period_most": 100_000, "gains_change": 500_000 } },
+                "instructions": { "period_most": 100_000, "gains_change": 500_000, "tick_attitude": 1300, "tick_position": 1500 } },
         });
         assert_eq!(beyond_limits(&report), [""; 0]);
         report["stm32f405"]["flash_bytes"] = json!(1 << 20);
         report["measured"] = json!({});
         let problems = beyond_limits(&report);
-        assert_eq!(problems.len(), 4, "{problems:?}");
+        assert_eq!(problems.len(), 6, "{problems:?}");
         assert!(problems[0].contains("flash") && problems[0].contains("1048576"), "{problems:?}");
     }
 
