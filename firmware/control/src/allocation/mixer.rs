@@ -383,6 +383,34 @@ mod tests {
         }
     }
 
+    /// Alone and beside others that are, whatever their bits have in common.
+    #[test]
+    fn only_finite_numbers_from_zero_on_are_surely_positive() {
+        assert!(are_positive([0.0; 4]) && are_positive([4e5, 5e5, 6e5, 2e5]) && are_positive([1.0; 4]));
+        for none in [f32::INFINITY, f32::NAN, -f32::NAN, -1.0, -0.0, f32::NEG_INFINITY] {
+            for others in [0.0, 4e5, none] {
+                for at in 0..4 {
+                    let mut squares = [others; 4];
+                    squares[at] = none;
+                    assert!(!are_positive(squares), "{squares:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn directions_are_what_they_were_made_of() {
+        for (high, low) in [(false, false), (false, true), (true, false), (true, true)] {
+            let one = Directions::new(high, low);
+            assert_eq!((one.high(), one.low()), (high, low));
+            assert_eq!(one.swapped(), Directions::new(low, high));
+            for other in [Directions::NONE, Directions::HIGH, Directions::LOW, Directions::BOTH] {
+                let either = one.or(other);
+                assert_eq!((either.high(), either.low()), (high || other.high(), low || other.low()));
+            }
+        }
+    }
+
     #[test]
     fn negative_squares_are_zero_and_refused() {
         let mixer = Mixer::signs();
