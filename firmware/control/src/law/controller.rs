@@ -396,7 +396,7 @@ fn allocate(laws: &Laws, memory: &mut Memory, terms: &Terms) -> Motors {
         memory.pwm = wanted;
         (Motors { rotor_speed_rad_s, refused: Refused::default() }, false)
     } else {
-        at_an_end(laws, memory, terms, (mixed, wanted))
+        at_an_end(laws, memory, terms, (mixed, rotor_speed_rad_s, wanted))
     };
     if let Some(inner) = &mut memory.inner {
         inner.refused = motors.refused;
@@ -438,10 +438,9 @@ fn at_an_end(
     laws: &Laws,
     memory: &mut Memory,
     terms: &Terms,
-    (mixed, wanted): ([f32; 4], [f32; 4]),
+    (mixed, rotor_speed_rad_s, wanted): ([f32; 4], Option<[f32; 4]>, [f32; 4]),
 ) -> (Motors, bool) {
     memory.pwm = wanted.map(|command| laws.range.clamp(command));
-    let rotor_speed_rad_s = laws.motor_map.map(|_| rotor_speeds(mixed));
     let no_rotor_backwards = rotor_speed_rad_s.is_none() || mixed.iter().all(|w2| *w2 >= 0.0);
     if no_rotor_backwards && memory.pwm == wanted {
         (Motors { rotor_speed_rad_s, refused: Refused::default() }, false)
