@@ -10,6 +10,7 @@ use std::io::{BufRead, BufReader};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use fantoccini::error::CmdError;
@@ -25,6 +26,8 @@ use tokio::runtime::{Builder, Runtime};
 const PATIENCE: Duration = Duration::from_secs(180);
 /// How long the browser may take for one command.
 const ONE_COMMAND: Duration = Duration::from_secs(60);
+/// How often a driver is started that ends at once.
+const STARTS: usize = 20;
 
 /// What is missing on this machine, if so. In continuous integration that is a failure.
 pub(crate) fn missing() -> bool {
@@ -49,26 +52,47 @@ struct Driver {
 
 impl Driver {
     fn start(home: &Path) -> Self {
-        // Its input is closed however the test ends, and then all of its group ends.
+        let log = home.join("driver.log");
+        // It listens on some port of IPv6 and then on the same of IPv4, and ends where another program has that.
+        let driver = (0..STARTS).find_map(|_| Self::attempt(home, &log));
+        driver.unwrap_or_else(|| {
+            panic!("chromedriver does not start: {}", fs::read_to_string(&log).unwrap_or_default())
+        })
+    }
+
+    /// One start, if the driver then says its port.
+    fn attempt(home: &Path, log: &Path) -> Option<Self> {
+        // Its input is closed however the test ends. With that or with the driver all of its group ends.
         let mut child = Command::new("sh")
-            .args(["-c", "chromedriver --port=0 & cat > /dev/null; kill -KILL 0"])
+            .args(["-c", "{ chromedriver --port=0; kill -KILL 0; } & cat > /dev/null; kill -KILL 0"])
             .env("HOME", home)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
-            .stderr(File::create(home.join("driver.log")).unwrap())
+            .stderr(File::options().create(true).append(true).open(log).unwrap())
             .process_group(0)
             .spawn()
             .unwrap();
-        let mut said = BufReader::new(child.stdout.take().unwrap()).lines();
-        let sentence = "started successfully on port ";
-        let port = said.by_ref().map_while(Result::ok).find_map(|line| {
-            let (_, port) = line.split_once(sentence)?;
-            port.trim_end_matches('.').parse().ok()
-        });
+        let said = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
+        let mut driver = Self { child, port: 0 };
+        let (sender, ports) = mpsc::channel();
         // It may go on to say things, and must not find its output closed.
-        std::thread::spawn(move || said.for_each(drop));
-        Self { child, port: port.expect("chromedriver says its port") }
+        std::thread::spawn(move || {
+            for line in said {
+                let _ = sender.send(port_in(&line));
+            }
+        });
+        let start = Instant::now();
+        while driver.port == 0 {
+            driver.port = ports.recv_timeout(ONE_COMMAND.saturating_sub(start.elapsed())).ok()?.unwrap_or(0);
+        }
+        Some(driver)
     }
+}
+
+/// The port that a line of chromedriver's says.
+fn port_in(line: &str) -> Option<u16> {
+    let (_, port) = line.split_once("started successfully on port ")?;
+    port.trim_end_matches('.').parse().ok()
 }
 
 impl Drop for Driver {
@@ -115,7 +139,9 @@ impl Browser {
         let mut builder = ClientBuilder::new(HttpConnector::new());
         builder.capabilities(capabilities(folder.path()));
         let address = format!("http://127.0.0.1:{}", driver.port);
-        let client = runtime.block_on(builder.connect(&address)).expect("the browser starts");
+        let limited = async { tokio::time::timeout(PATIENCE, builder.connect(&address)).await };
+        let client =
+            runtime.block_on(limited).expect("the browser starts in time").expect("the browser starts");
         Self { name, client, runtime, ports: Vec::new(), files: Vec::new(), _driver: driver, folder }
     }
 
@@ -390,7 +416,8 @@ impl Browser {
         assert!(!asked.is_empty(), "{}: nothing of the network is logged", self.name);
         let foreign: Vec<&String> = asked.iter().filter(|address| !self.is_own(address)).collect();
         assert!(foreign.is_empty(), "{}: the page asked for {foreign:?}", self.name);
-        let _ = self.runtime.block_on(self.client.clone().close());
+        let close = async { tokio::time::timeout(ONE_COMMAND, self.client.clone().close()).await };
+        let _ = self.runtime.block_on(close);
     }
 
     fn is_own(&self, address: &str) -> bool {

@@ -6,6 +6,7 @@ use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
+use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -59,10 +60,15 @@ impl Lab {
         let said = said_folder.path().join("stderr");
         let mut child = command.stdout(Stdio::piped()).stderr(File::create(&said).unwrap()).spawn().unwrap();
         let mut output = BufReader::new(child.stdout.take().unwrap());
-        let mut line = String::new();
-        output.read_line(&mut line).unwrap();
+        let (sender, first_line) = mpsc::channel();
         // It may go on to say things, and must not find its output closed.
-        std::thread::spawn(move || std::io::copy(&mut output, &mut std::io::sink()));
+        std::thread::spawn(move || {
+            let mut line = String::new();
+            let _ = output.read_line(&mut line);
+            let _ = sender.send(line);
+            std::io::copy(&mut output, &mut std::io::sink())
+        });
+        let line = first_line.recv_timeout(PATIENCE).unwrap_or_default();
         let parts = line.find("http://").and_then(|start| {
             let address = line[start..].trim();
             let (port, token) = address.strip_prefix("http://127.0.0.1:")?.split_once("/?token=")?;
