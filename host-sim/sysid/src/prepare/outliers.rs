@@ -19,6 +19,7 @@
 //! `channels_check.rs`' to find: jumps and frozen trackers.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use flights::Column;
 
@@ -108,23 +109,22 @@ pub(crate) fn take_out(channel: &mut Cow<[f64]>, time: &[f64], gaps: &[usize], c
         let part = all.len() as f64 / channel.len().max(1) as f64;
         let in_crowds = crowds && part > FREQUENT;
         let among = Among { spikes: part > SPIKING, crowds: in_crowds };
-        let usual = usual_distances(&cleaned);
+        let mut noise = Noise::of(&cleaned);
         let starts = std::iter::once(0).chain(gaps.iter().copied());
         let ends = gaps.iter().copied().chain([channel.len()]);
-        let found: Vec<usize> = starts
-            .zip(ends)
-            .flat_map(|(start, end)| {
-                let piece = spikes(&cleaned[start..end], &time[start..end], &usual[start..end], among);
-                piece.into_iter().map(move |k| start + k)
-            })
-            .filter(|k| !given_back.contains(k))
-            .collect();
-        let belongs = |&k: &usize| {
+        let mut found: Vec<usize> = Vec::new();
+        for (start, end) in starts.zip(ends) {
+            let piece = Piece { channel: &cleaned[start..end], time: &time[start..end], start };
+            found.extend(piece.spikes(&mut noise, among));
+        }
+        found.retain(|k| !given_back.contains(k));
+        let mut belongs = |k: usize| {
             let (start, end) = piece_of(k, gaps, channel.len());
-            let expected = expected_in_a_crowd(&cleaned[start..end], &time[start..end], k - start, usual[k]);
-            expected.is_some_and(|(expected, _)| (channel[k] - expected).abs() < ON_PARABOLA * usual[k])
+            let usual = noise.usual(k);
+            let expected = expected_in_a_crowd(&cleaned[start..end], &time[start..end], k - start, usual);
+            expected.is_some_and(|(expected, _)| (channel[k] - expected).abs() < ON_PARABOLA * usual)
         };
-        let wronged: Vec<usize> = all.iter().copied().filter(|k| in_crowds && belongs(k)).collect();
+        let wronged: Vec<usize> = all.iter().copied().filter(|&k| in_crowds && belongs(k)).collect();
         if found.is_empty() && wronged.is_empty() {
             break;
         }
@@ -160,56 +160,118 @@ fn piece_of(k: usize, gaps: &[usize], length: usize) -> (usize, usize) {
     (start, gaps.get(next).copied().unwrap_or(length))
 }
 
-/// The samples of a channel that are spikes as far as their neighbours can tell.
-fn spikes(channel: &[f64], time: &[f64], usual: &[f64], among: Among) -> Vec<usize> {
-    if !usual.first().is_some_and(|usual| *usual > 0.0) {
-        return Vec::new();
-    }
-    let last = channel.len() - 1;
-    let is_off = |&k: &usize| {
-        // Next to a missing value, and at the ends, there is no telling this way.
-        let near = k > 0
-            && k < last
-            && (channel[k] - 0.5 * (channel[k - 1] + channel[k + 1])).abs() < LOOKED_AT * usual[k];
-        !near && channel[k].is_finite()
-    };
-    (0..channel.len())
-        .filter(is_off)
-        .filter(|&k| is_spike(channel, time, k, usual[k], among) == Some(true))
-        .collect()
+/// Samples of a channel without a gap among them.
+struct Piece<'a> {
+    channel: &'a [f64],
+    time: &'a [f64],
+    /// Its first sample's number in the channel.
+    start: usize,
 }
 
-/// At each sample the standard deviation of a sample about the mean of its neighbours, by quantiles: spikes do not count. The
-/// larger of that around the sample and of the whole channel; zero throughout where nothing moves.
-fn usual_distances(channel: &[f64]) -> Vec<f64> {
-    let mut distances = vec![f64::NAN; channel.len()];
-    for (k, w) in channel.windows(3).enumerate() {
-        distances[k + 1] = (w[1] - 0.5 * (w[0] + w[2])).abs();
+impl Piece<'_> {
+    /// The samples that are spikes as far as their neighbours can tell, by their numbers in the channel.
+    fn spikes(&self, noise: &mut Noise, among: Among) -> Vec<usize> {
+        let Self { channel, time, start } = *self;
+        let mut found = Vec::new();
+        if noise.of_all <= 0.0 || channel.is_empty() {
+            return found;
+        }
+        let last = channel.len() - 1;
+        for first in (0..channel.len()).step_by(RESTLESS) {
+            let block = first..(first + RESTLESS).min(channel.len());
+            let is_end = block.contains(&0) || block.contains(&last);
+            if !is_end && noise.are_all_near(start + block.start..start + block.end) {
+                continue;
+            }
+            for k in block {
+                // Next to a missing value, and at the ends, there is no telling this way.
+                let near = k > 0 && k < last && noise.is_near(start + k);
+                let mut is_spike = || is_spike(channel, time, k, noise.usual(start + k), among) == Some(true);
+                if !near && channel[k].is_finite() && is_spike() {
+                    found.push(start + k);
+                }
+            }
+        }
+        found
     }
-    // Spikes that happen to crowd in a second may be one in ten there: only the median stands that.
-    let of_all =
-        f64::max(quantile(&distances, 0.5) / MIDDLE_OF_NORMAL, quantile(&distances, UPPER) / UPPER_OF_NORMAL);
-    let mut usual = vec![of_all; channel.len()];
-    if of_all > 0.0 {
-        for (block, values) in usual.chunks_mut(RESTLESS).enumerate() {
+}
+
+/// How far the samples of a channel usually are from the mean of their neighbours.
+struct Noise {
+    /// Of each sample; not a number at the ends and beside a missing value.
+    distances: Vec<f64>,
+    /// The standard deviation over the whole channel, by quantiles: spikes do not count. Zero where nothing moves.
+    of_all: f64,
+    /// The larger of that and of the one about each [`RESTLESS`] samples, once it has been asked for: few blocks hold anything to look at.
+    of_blocks: Vec<Option<f64>>,
+}
+
+impl Noise {
+    fn of(channel: &[f64]) -> Self {
+        let mut distances = vec![f64::NAN; channel.len()];
+        if let [_, inner @ .., _] = &mut distances[..] {
+            let neighbours = channel.iter().zip(&channel[1..]).zip(&channel[2..]);
+            for (distance, ((before, own), after)) in inner.iter_mut().zip(neighbours) {
+                *distance = (own - 0.5 * (before + after)).abs();
+            }
+        }
+        // Spikes that happen to crowd in a second may be one in ten there: only the median stands that.
+        let [middle, upper] = quantiles(&distances, [0.5, UPPER]);
+        let of_all = f64::max(middle / MIDDLE_OF_NORMAL, upper / UPPER_OF_NORMAL);
+        let of_blocks = vec![None; channel.len().div_ceil(RESTLESS)];
+        Self { distances, of_all, of_blocks }
+    }
+
+    /// At a sample, the larger of that around it and of the whole channel; zero where nothing moves.
+    fn usual(&mut self, k: usize) -> f64 {
+        let Self { distances, of_all, of_blocks } = self;
+        if *of_all <= 0.0 {
+            return 0.0;
+        }
+        let block = k / RESTLESS;
+        *of_blocks[block].get_or_insert_with(|| {
             let from = (block * RESTLESS).saturating_sub(RESTLESS);
             let to = ((block + 2) * RESTLESS).min(distances.len());
-            values.fill(of_all.max(quantile(&distances[from..to], 0.5) / MIDDLE_OF_NORMAL));
-        }
+            let [middle] = quantiles(&distances[from..to], [0.5]);
+            of_all.max(middle / MIDDLE_OF_NORMAL)
+        })
     }
-    usual
+
+    /// Whether a sample is too near its neighbours' mean to be looked at.
+    fn is_near(&mut self, k: usize) -> bool {
+        let distance = self.distances[k];
+        distance < LOOKED_AT * self.of_all || distance < LOOKED_AT * self.usual(k)
+    }
+
+    /// Whether all are, by the noise of the whole channel: that of any part counts only where it is more.
+    fn are_all_near(&self, samples: Range<usize>) -> bool {
+        let near = LOOKED_AT * self.of_all;
+        // Without leaving early, which is quicker.
+        self.distances[samples].iter().fold(true, |all, distance| all & (*distance < near))
+    }
 }
 
-/// A quantile of what is finite and not zero; zero of fewer than ten values. A distance of exactly zero is that of a held or
+/// Quantiles of what is finite and not zero, ascending; zeros of fewer than ten values. A distance of exactly zero is that of a held or
 /// coarsely rounded value and tells nothing of noise.
-fn quantile(values: &[f64], part: f64) -> f64 {
-    let mut values: Vec<f64> =
-        values.iter().copied().filter(|value| value.is_finite() && *value > 0.0).collect();
-    if values.len() < 10 {
-        return 0.0;
+fn quantiles<const N: usize>(values: &[f64], parts: [f64; N]) -> [f64; N] {
+    // Bits of positive numbers are in the numbers' order, and integers are compared at once.
+    let mut bits = Vec::with_capacity(values.len());
+    bits.extend(
+        values.iter().filter(|value| value.is_finite() && **value > 0.0).map(|value| value.to_bits()),
+    );
+    let count = bits.len();
+    let mut found = [0.0; N];
+    if count < 10 {
+        return found;
     }
-    let at = (part * values.len() as f64) as usize;
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
+    // Below a quantile that is found are all that a smaller one can be.
+    let mut left = &mut bits[..];
+    for (found, part) in found.iter_mut().zip(parts).rev() {
+        let at = (part * count as f64) as usize;
+        *found = f64::from_bits(*left.select_nth_unstable(at).1);
+        left = &mut left[..=at];
+    }
+    found
 }
 
 /// Nothing where there are too few neighbours to tell.
