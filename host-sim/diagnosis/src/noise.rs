@@ -18,8 +18,8 @@
 
 use std::f64::consts::TAU;
 
+use fourier::Complex;
 use model::Model;
-use rustfft::num_complex::Complex;
 
 use crate::reason::Dependence;
 use sysid::Residuals;

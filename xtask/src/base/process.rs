@@ -8,25 +8,31 @@ use anyhow::{Context, Result};
 
 use crate::base::workspace;
 
+/// Programs that run for long.
+const RELEASE: &str = "release";
+
 /// A program of the workspace that a command stands for.
 pub(crate) struct Program {
     package: &'static str,
     binary: &'static str,
+    /// How it is built.
+    profile: &'static str,
     /// Arguments before the user's.
     first: &'static [&'static str],
 }
 
 impl Program {
     /// Software in the loop.
-    pub(crate) const SIL: Self = Self { package: "sil", binary: "sil", first: &[] };
-    /// The demonstration, a command of the user's program.
-    pub(crate) const DEMO: Self = Self { package: "quadlab", binary: "quadlab", first: &["demo"] };
+    pub(crate) const SIL: Self = Self { package: "sil", binary: "sil", profile: RELEASE, first: &[] };
+    /// The demonstration, a command of the user's program: built as quickly as can be, since it is the first thing that anybody runs.
+    pub(crate) const DEMO: Self =
+        Self { package: "quadlab", binary: "quadlab", profile: "demo", first: &["demo"] };
     /// How often the laboratory's diagnoses are right.
-    pub(crate) const LAB: Self = Self { package: "stories", binary: "lab", first: &[] };
+    pub(crate) const LAB: Self = Self { package: "stories", binary: "lab", profile: RELEASE, first: &[] };
     /// How often forms that no catalogue has are discovered.
-    pub(crate) const FORMS: Self = Self { package: "stories", binary: "forms", first: &[] };
+    pub(crate) const FORMS: Self = Self { package: "stories", binary: "forms", profile: RELEASE, first: &[] };
     /// What the product finds in real flights.
-    pub(crate) const REAL: Self = Self { package: "stories", binary: "real", first: &[] };
+    pub(crate) const REAL: Self = Self { package: "stories", binary: "real", profile: RELEASE, first: &[] };
 
     /// Name of the program.
     pub(crate) const fn binary(&self) -> &'static str {
@@ -36,7 +42,8 @@ impl Program {
     /// What cargo is asked to do. `quiet` leaves out its progress, which goes to standard error.
     pub(crate) fn cargo_arguments(&self, arguments: &[OsString], quiet: bool) -> Vec<OsString> {
         let manifest = workspace::root().join("Cargo.toml");
-        let mut line: Vec<OsString> = ["run", "--release", "--manifest-path"].map(Into::into).to_vec();
+        let mut line: Vec<OsString> =
+            ["run", "--profile", self.profile, "--manifest-path"].map(Into::into).to_vec();
         line.push(manifest.into());
         if quiet {
             line.push("--quiet".into());

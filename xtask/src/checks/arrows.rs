@@ -32,6 +32,7 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed { from: "plain-line", to: &[], why: "a line of words is the same for all who write one" },
     Allowed { from: "model", to: &[], why: "the plant never sees the controller" },
+    Allowed { from: "fourier", to: &[], why: "a transform of numbers" },
     Allowed { from: "pattern", to: &[], why: "who flies a pattern is no part of it" },
     Allowed {
         from: "report",
@@ -50,12 +51,12 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "sysid",
-        to: &["model", "flights", "report"],
+        to: &["model", "flights", "fourier", "report"],
         why: "identification fits the effects that the plant simulates, and its sentences write numbers as tables do",
     },
     Allowed {
         from: "diagnosis",
-        to: &["model", "flights", "logs", "sysid", "report"],
+        to: &["model", "flights", "fourier", "logs", "sysid", "report"],
         why: "what is missing is searched for with the fit and the residuals of identification, and told with numbers as in tables",
     },
     Allowed {

@@ -1,16 +1,15 @@
 //! Residuals of random phases: the colour of what the model leaves without its tie to anything measured.
 
+use fourier::{Complex, Planner};
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex;
 
 use crate::discovery::problem::{Problem, White};
 
 /// So many residuals with the spectrum, flight by flight and axis by axis, of that which the model leaves, and random phases.
 pub(crate) fn of_random_phases(problem: &Problem<'_>, count: usize, seed: u64) -> Vec<[Vec<f64>; 6]> {
     let mut rng = Pcg64::seed_from_u64(seed);
-    let mut planner = FftPlanner::new();
+    let mut planner = Planner::new();
     (0..count)
         .map(|_| {
             let mut all: White = std::array::from_fn(|axis| {
@@ -27,15 +26,15 @@ pub(crate) fn of_random_phases(problem: &Problem<'_>, count: usize, seed: u64) -
         .collect()
 }
 
-fn shuffled(signal: &[f64], planner: &mut FftPlanner<f64>, rng: &mut impl Rng) -> Vec<f64> {
+fn shuffled(signal: &[f64], planner: &mut Planner, rng: &mut impl Rng) -> Vec<f64> {
     let length = signal.len();
     let mut spectrum: Vec<Complex<f64>> = signal.iter().map(|value| Complex::new(*value, 0.0)).collect();
-    planner.plan_fft_forward(length).process(&mut spectrum);
+    planner.forward(length).process(&mut spectrum);
     for k in 1..length.div_ceil(2) {
         let turned = spectrum[k] * Complex::from_polar(1.0, rng.random::<f64>() * std::f64::consts::TAU);
         (spectrum[k], spectrum[length - k]) = (turned, turned.conj());
     }
-    planner.plan_fft_inverse(length).process(&mut spectrum);
+    planner.inverse(length).process(&mut spectrum);
     spectrum.iter().map(|value| value.re / length as f64).collect()
 }
 
@@ -56,7 +55,7 @@ mod tests {
 
     fn power(signal: &[f64]) -> Vec<f64> {
         let mut spectrum: Vec<Complex<f64>> = signal.iter().map(|v| Complex::new(*v, 0.0)).collect();
-        FftPlanner::new().plan_fft_forward(signal.len()).process(&mut spectrum);
+        Planner::new().forward(signal.len()).process(&mut spectrum);
         spectrum.iter().map(|c| c.norm_sqr()).collect()
     }
 
@@ -66,7 +65,7 @@ mod tests {
         for length in [64, 101] {
             let signal: Vec<f64> =
                 (0..length).map(|k| (0.3 * f64::from(k)).sin() + rng.random::<f64>()).collect();
-            let other = shuffled(&signal, &mut FftPlanner::new(), &mut rng);
+            let other = shuffled(&signal, &mut Planner::new(), &mut rng);
             let pairs = || power(&signal).into_iter().zip(power(&other));
             assert!(pairs().all(|(a, b)| (a - b).abs() < 1e-9 * a.max(1.0)));
             assert!(signal.iter().zip(&other).any(|(a, b)| (a - b).abs() > 0.1));

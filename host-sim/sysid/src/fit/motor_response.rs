@@ -17,9 +17,9 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
+use fourier::Complex;
 use model::{Axis, Effect, Model, Plant};
 use report::number::{fixed, significant};
-use rustfft::num_complex::Complex;
 use schemars::JsonSchema;
 use serde::Serialize;
 

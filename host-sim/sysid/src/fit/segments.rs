@@ -1,22 +1,20 @@
 //! Segments of a signal for Welch's method: they overlap by half, each about its mean and in a window of Hann's.
 
 use std::f64::consts::TAU;
-use std::sync::Arc;
 
-use rustfft::num_complex::Complex;
-use rustfft::{Fft, FftPlanner};
+use fourier::{Complex, Planner, Transform};
 
 /// Cuts and transforms segments of one length.
 pub struct Segments {
     window: Vec<f64>,
-    transform: Arc<dyn Fft<f64>>,
+    transform: Transform,
 }
 
 impl Segments {
     /// Segments of so many samples, at least two.
     pub fn new(length: usize) -> Self {
         let window = (0..length).map(|k| 0.5 - 0.5 * (TAU * k as f64 / length as f64).cos()).collect();
-        Self { window, transform: FftPlanner::new().plan_fft_forward(length) }
+        Self { window, transform: Planner::new().forward(length) }
     }
 
     /// Sum of the squares of the window.
