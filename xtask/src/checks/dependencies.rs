@@ -1,11 +1,13 @@
-//! House rules of dependencies: chosen once in the root manifest, and one version of each.
+//! House rules of dependencies: chosen once in the root manifest, one version of each, and lock files that are up to date.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Context, Result};
+use cargo_metadata::{DependencyKind, Package};
 use toml::{Table, Value};
 
-use crate::base::workspace::Workspace;
+use crate::base::workspace::{Workspace, root};
+use crate::checks::tidy::listed_files;
 
 /// Manifest tables that hold dependencies.
 const TABLES: [&str; 3] = ["dependencies", "dev-dependencies", "build-dependencies"];
@@ -22,7 +24,64 @@ pub(crate) fn check(workspace: &Workspace) -> Result<Vec<String>> {
         problems.extend(own_versions(&place, &manifest));
     }
     problems.extend(several_versions(&direct_versions(workspace)));
+    problems.extend(stale_locks(workspace)?);
     Ok(problems)
+}
+
+/// Lock files of the folders with fuzz targets, which are workspaces of their own: cargo only looks at them when these are built.
+fn stale_locks(workspace: &Workspace) -> Result<Vec<String>> {
+    let used: BTreeMap<String, Used> =
+        workspace.members().iter().map(|member| (member.name.to_string(), Used::of(member))).collect();
+    let mut problems = Vec::new();
+    for file in listed_files(&["--cached"])?.iter().filter(|file| file.ends_with("/Cargo.lock")) {
+        let text =
+            std::fs::read_to_string(root().join(file)).with_context(|| format!("cannot read {file}"))?;
+        let lock = text.parse().with_context(|| format!("{file} is not TOML"))?;
+        problems.extend(stale_lock(file, &lock, &used));
+    }
+    Ok(problems)
+}
+
+/// Packages that a member uses when somebody else builds it.
+struct Used {
+    always: BTreeSet<String>,
+    with_features: BTreeSet<String>,
+}
+
+impl Used {
+    fn of(member: &Package) -> Self {
+        let used = member.dependencies.iter().filter(|used| used.kind != DependencyKind::Development);
+        let names = |optional: bool| {
+            used.clone().filter(|used| used.optional == optional).map(|used| used.name.clone()).collect()
+        };
+        Self { always: names(false), with_features: names(true) }
+    }
+}
+
+/// Members whose dependencies in a lock file are not those of their manifests.
+fn stale_lock(file: &str, lock: &Table, used: &BTreeMap<String, Used>) -> Option<String> {
+    let packages = lock.get("package").and_then(Value::as_array)?;
+    let is_stale = |package: &&Table| {
+        let Some(used) = package.get("name").and_then(Value::as_str).and_then(|name| used.get(name)) else {
+            return false;
+        };
+        let listed = package.get("dependencies").and_then(Value::as_array).into_iter().flatten();
+        // A version stands behind the name where there are several.
+        let listed: BTreeSet<String> =
+            listed.filter_map(|entry| Some(entry.as_str()?.split(' ').next()?.to_owned())).collect();
+        let unknown = |name: &&String| !used.always.contains(*name) && !used.with_features.contains(*name);
+        !used.always.is_subset(&listed) || listed.iter().any(|name| unknown(&name))
+    };
+    // What comes from elsewhere has a source.
+    let own = packages.iter().filter_map(Value::as_table).filter(|package| !package.contains_key("source"));
+    let stale: Vec<&str> = own.filter(is_stale).filter_map(|package| package.get("name")?.as_str()).collect();
+    let folder = file.trim_end_matches("/Cargo.lock");
+    (!stale.is_empty()).then(|| {
+        format!(
+            "{file}: not up to date for {}; renew it with `cargo metadata --manifest-path {folder}/Cargo.toml`",
+            stale.join(", ")
+        )
+    })
 }
 
 /// Dependencies that a member declares by itself instead of through the workspace.
@@ -107,6 +166,26 @@ mod tests {
     #[test]
     fn a_manifest_without_dependencies_is_fine() {
         assert_eq!(problems("[package]\nname = \"a\""), [""; 0]);
+    }
+
+    #[test]
+    fn a_lock_file_that_lacks_a_dependency_or_has_one_too_many_is_found() {
+        let names = |list: &[&str]| list.iter().map(ToString::to_string).collect::<BTreeSet<_>>();
+        let own = Used { always: names(&["needed", "several"]), with_features: names(&["perhaps"]) };
+        let used = BTreeMap::from([("own".to_owned(), own)]);
+        let found = |dependencies: &str, source: &str| {
+            let lock = format!("[[package]]\nname = \"own\"\n{source}dependencies = {dependencies}\n");
+            stale_lock("a/fuzz/Cargo.lock", &lock.parse().expect("a lock file"), &used)
+        };
+        assert_eq!(found(r#"["needed", "several 1.0.0"]"#, ""), None);
+        assert_eq!(found(r#"["needed", "perhaps", "several"]"#, ""), None);
+        for stale in [r#"["needed"]"#, r#"["gone", "needed", "several"]"#, "[]"] {
+            let line = found(stale, "").expect("a problem");
+            assert!(line.starts_with("a/fuzz/Cargo.lock: not up to date for own; "), "{line}");
+            assert!(line.ends_with("--manifest-path a/fuzz/Cargo.toml`"), "{line}");
+            // Another package of that name is none of ours.
+            assert_eq!(found(stale, "source = \"registry\"\n"), None);
+        }
     }
 
     #[test]
