@@ -969,18 +969,21 @@ mod tests {
     }
 
     /// 69 rad/s^2 of roll is nine tenths of what the motors have at any thrust, but at 11 N none of them
-    /// is at an end: nothing is refused, and the whole tilt is flown.
+    /// is at an end: nothing is refused, and the whole tilt is flown; also where the range begins below 0, whose commands are compared
+    /// one by one.
     #[test]
     fn motors_inside_their_range_reduce_no_tilt() {
-        let mut controller = attitude_first(Config::thesis());
-        let high = Measurement { position_m: [0.0, 0.0, -1.05], ..HOVER };
-        let tick = controller.tick(&high, &Command { attitude_rad: [1.9, 0.0], ..STAY });
-        let [roll, ..] = tick.terms.torque;
-        assert!(
-            (62.0..72.0).contains(&roll) && tick.pwm.iter().all(|x| *x > 1000.0 && *x < 2000.0),
-            "{tick:?}"
-        );
-        assert_eq!((tilt_fraction(&controller), tick.refused.any()), (1.0, false));
+        for low in [Config::thesis().command_range[0], -1.0] {
+            let mut controller = attitude_first(Config { command_range: [low, 2000.0], ..Config::thesis() });
+            let high = Measurement { position_m: [0.0, 0.0, -1.05], ..HOVER };
+            let tick = controller.tick(&high, &Command { attitude_rad: [1.9, 0.0], ..STAY });
+            let [roll, ..] = tick.terms.torque;
+            assert!(
+                (62.0..72.0).contains(&roll) && tick.pwm.iter().all(|x| *x > 1000.0 && *x < 2000.0),
+                "{tick:?}"
+            );
+            assert_eq!((tilt_fraction(&controller), tick.refused.any()), (1.0, false));
+        }
     }
 
     /// A climb asks for more than there is: the first motor that has no more is at its end, injection and
