@@ -518,8 +518,6 @@ mod tests {
         Controller::new(&Config::thesis()).unwrap()
     }
 
-    /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32
-    /// holds 1700 to 1.2e-4).
     /// Nothing of what stood in an outcome before is left, whatever the tick does.
     #[test]
     fn every_term_is_written_in_every_tick() {
@@ -575,6 +573,56 @@ mod tests {
         }
     }
 
+    /// What is measured is told with the motors at idle too, and nothing else.
+    #[test]
+    fn at_idle_the_terms_of_the_estimators_are_told() {
+        let mut controller = thesis();
+        let moved = |k: u8| {
+            let k = f32::from(k);
+            Measurement {
+                position_m: [0.02 * k, -0.03 * k, -1.0 - 0.01 * k],
+                attitude_rad: [0.002 * k, -0.003 * k, 0.004 * k],
+                battery_v: 11.9,
+                ..HOVER
+            }
+        };
+        for k in 0..9 {
+            controller.tick(&moved(k), &STAY);
+        }
+        let [flying, idle] = [false, true].map(|cut_off| {
+            let mut copy = controller;
+            copy.tick(&moved(9), &Command { cut_off, ..STAY }).terms
+        });
+        let Terms {
+            position_m,
+            attitude_rad,
+            battery_v,
+            euler_rates_rad_s,
+            body_rates_rad_s,
+            z_rate_m_s,
+            ..
+        } = flying;
+        let measured = moved(9);
+        assert_eq!(position_m, measured.position_m);
+        assert!(attitude_rad.iter().all(|angle| *angle != 0.0), "{attitude_rad:?}");
+        assert!(battery_v > 11.1 && z_rate_m_s < 0.0, "{battery_v} {z_rate_m_s}");
+        for rates in [euler_rates_rad_s, body_rates_rad_s] {
+            assert!(rates[0] > 0.0 && rates[1] < 0.0 && rates[2] > 0.0, "{rates:?}");
+        }
+        let estimated = Terms {
+            position_m,
+            attitude_rad,
+            battery_v,
+            euler_rates_rad_s,
+            body_rates_rad_s,
+            z_rate_m_s,
+            ..Terms::default()
+        };
+        assert_eq!(idle, estimated);
+    }
+
+    /// Hover commands of the printed matrix and map at 11.1 V (reference numbers, 2 decimals; f32
+    /// holds 1700 to 1.2e-4).
     #[test]
     fn hover_is_hover() {
         let mut controller = thesis();
