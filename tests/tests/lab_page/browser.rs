@@ -13,7 +13,8 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
-use fantoccini::error::CmdError;
+use fantoccini::elements::Element;
+use fantoccini::error::{CmdError, ErrorStatus};
 use fantoccini::key::Key;
 use fantoccini::wd::{Capabilities, WebDriverCompatibleCommand};
 use fantoccini::{Client, ClientBuilder, Locator};
@@ -28,6 +29,25 @@ const PATIENCE: Duration = Duration::from_secs(180);
 const ONE_COMMAND: Duration = Duration::from_secs(60);
 /// How often a driver is started that ends at once.
 const STARTS: usize = 20;
+/// Whether what a selector finds can be clicked and stays in its place.
+const AT_REST: &str = "const e = document.querySelector(arguments[0]);
+    e?.scrollIntoView({ block: 'center' });
+    if (!e || !e.checkVisibility() || e.disabled || e.ariaDisabled === 'true') return false;
+    const place = () => { const { x, y, width, height } = e.getBoundingClientRect(); return `${[x, y, width, height]}`; };
+    const before = place();
+    return new Promise((answer) => setTimeout(() => answer(e.isConnected && place() === before), 50));";
+/// Lets the next click through only to what a selector finds, and notes in `struck` whether it came there.
+const GUARD: &str =
+    "const selector = arguments[0], events = ['pointerdown', 'mousedown', 'pointerup', 'mouseup', 'click'];
+    window.unguard?.();
+    window.struck = null;
+    const guard = (event) => {
+        const hit = Boolean(event.target.closest?.(selector));
+        if (!hit) { event.stopImmediatePropagation(); event.preventDefault(); }
+        if (event.type === 'click') { window.struck = hit; window.unguard(); }
+    };
+    window.unguard = () => events.forEach((kind) => removeEventListener(kind, guard, true));
+    events.forEach((kind) => addEventListener(kind, guard, true));";
 
 /// What is missing on this machine, if so. In continuous integration that is a failure.
 pub(crate) fn missing() -> bool {
@@ -146,12 +166,14 @@ impl Browser {
     }
 
     fn done<T>(&self, what: &str, work: impl Future<Output = Result<T, CmdError>>) -> T {
+        self.limited(what, work).unwrap_or_else(|error| panic!("{}: {what}: {error}", self.name))
+    }
+
+    /// What a command gives, if the browser answers in time.
+    fn limited<T>(&self, what: &str, work: impl Future<Output = Result<T, CmdError>>) -> Result<T, CmdError> {
         let limited = async { tokio::time::timeout(ONE_COMMAND, work).await };
-        match self.runtime.block_on(limited) {
-            Ok(Ok(value)) => value,
-            Ok(Err(error)) => panic!("{}: {what}: {error}", self.name),
-            Err(_) => panic!("{}: {what}: the browser does not answer", self.name),
-        }
+        let answer = self.runtime.block_on(limited);
+        answer.unwrap_or_else(|_| panic!("{}: {what}: the browser does not answer", self.name))
     }
 
     /// Opens an address on this machine.
@@ -222,17 +244,32 @@ impl Browser {
         self.wait_until(&format!("an end of {selector}"), script, selector);
     }
 
-    /// Clicks as a user does: what lies beneath something else cannot be clicked.
+    /// Clicks as a user does: what lies beneath something else cannot be clicked. A click waits until its aim stays where
+    /// it is; one that strikes something else, because the page moved beneath the pointer, does nothing and is made again.
     pub(crate) fn click(&self, selector: &str) {
-        self.wait_until(
-            &format!("{selector} to click"),
-            "const e = document.querySelector(arguments[0]);
-             e?.scrollIntoView({ block: 'center' });
-             return !!e && e.checkVisibility() && !e.disabled && e.ariaDisabled !== 'true'",
-            selector,
-        );
-        let click = async { self.client.find(Locator::Css(selector)).await?.click().await };
-        self.done(&format!("click on {selector}"), click);
+        let start = Instant::now();
+        loop {
+            self.wait_until(&format!("{selector} to click"), AT_REST, selector);
+            self.run(GUARD, selector);
+            let click = async { self.client.find(Locator::Css(selector)).await?.click().await };
+            let what = format!("click on {selector}");
+            let clicked = self.limited(&what, click);
+            // On a page that the click has opened nothing is known of it.
+            if clicked.is_ok()
+                && self.run("return window.struck !== false && window.struck !== null", Value::Null) == true
+            {
+                return;
+            }
+            match clicked {
+                Err(error) if !is_of_a_moment(&error) || start.elapsed() > PATIENCE => {
+                    panic!("{}: {what}: {error}; {}", self.name, self.state())
+                }
+                Ok(()) if start.elapsed() > PATIENCE => {
+                    panic!("{}: every {what} strikes something else; {}", self.name, self.state())
+                }
+                _ => std::thread::sleep(Duration::from_millis(50)),
+            }
+        }
     }
 
     /// Moves the pointer to the middle of what can be seen of an element.
@@ -279,43 +316,43 @@ impl Browser {
         self.mouse("mouseMoved", at, 0);
     }
 
-    /// Writes into a field in place of what is there, as keys do.
-    pub(crate) fn write(&self, selector: &str, text: &str) {
-        let write = async {
-            let field = self.client.find(Locator::Css(selector)).await?;
+    /// Types into a field in the place of what is there.
+    pub(crate) fn fill(&self, selector: &str, text: &str) {
+        self.with(selector, &format!("{text} into {selector}"), async |field| {
             field.clear().await?;
             field.send_keys(text).await
-        };
-        self.done(&format!("text in {selector}"), write);
+        });
     }
 
     /// Types behind what is in a field.
     pub(crate) fn append(&self, selector: &str, text: &str) {
-        let append = async { self.client.find(Locator::Css(selector)).await?.send_keys(text).await };
-        self.done(&format!("more text in {selector}"), append);
+        self.with(selector, &format!("{text} behind {selector}"), async |field| field.send_keys(text).await);
     }
 
     /// Chooses an option of a select by its value.
     pub(crate) fn choose(&self, selector: &str, value: &str) {
-        let choose = async { self.client.find(Locator::Css(selector)).await?.select_by_value(value).await };
-        self.done(&format!("choice of {value} in {selector}"), choose);
+        self.with(selector, &format!("choice of {value} in {selector}"), async |select| {
+            select.select_by_value(value).await
+        });
     }
 
     /// Chooses files of this machine in an input for files.
     pub(crate) fn attach(&self, selector: &str, files: &[PathBuf]) {
         let names = files.iter().map(|file| file.display().to_string()).collect::<Vec<_>>().join("\n");
-        let attach = async { self.client.find(Locator::Css(selector)).await?.send_keys(&names).await };
-        self.done(&format!("files for {selector}"), attach);
+        self.with(selector, &format!("files for {selector}"), async |input| input.send_keys(&names).await);
     }
 
-    /// Types into a field in the place of what is there.
-    pub(crate) fn fill(&self, selector: &str, text: &str) {
-        let fill = async {
-            let field = self.client.find(Locator::Css(selector)).await?;
-            field.clear().await?;
-            field.send_keys(text).await
-        };
-        self.done(&format!("{text} into {selector}"), fill);
+    /// Does something with the element that `selector` finds; once more where it is drawn anew in between.
+    fn with(&self, selector: &str, what: &str, work: impl AsyncFn(Element) -> Result<(), CmdError>) {
+        let start = Instant::now();
+        loop {
+            let all = async { work(self.client.find(Locator::Css(selector)).await?).await };
+            match self.limited(what, all) {
+                Ok(()) => return,
+                Err(error) if error.is_stale_element_reference() && start.elapsed() < PATIENCE => {}
+                Err(error) => panic!("{}: {what}: {error}; {}", self.name, self.state()),
+            }
+        }
     }
 
     /// Waits until nothing on the page has changed for half a second.
@@ -428,6 +465,12 @@ impl Browser {
     }
 }
 
+/// Whether an element was drawn anew or covered just when it was clicked.
+fn is_of_a_moment(error: &CmdError) -> bool {
+    let CmdError::Standard(answer) = error else { return false };
+    matches!(answer.error, ErrorStatus::StaleElementReference | ErrorStatus::ElementClickIntercepted)
+}
+
 /// What a line of the network's log asks for.
 fn address(line: &Value) -> Option<String> {
     let message: Value = serde_json::from_str(line["message"].as_str()?).ok()?;
@@ -462,4 +505,25 @@ fn capabilities(folder: &Path) -> Capabilities {
         ("goog:chromeOptions".to_owned(), options),
         ("goog:loggingPrefs".to_owned(), json!({ "browser": "ALL", "performance": "ALL" })),
     ])
+}
+
+/// A button that once gives way to another just before it is pressed.
+const EVASIVE: &str = "<button id=other onclick='this.dataset.struck = 1' hidden>other</button>
+    <button id=aim>aim</button>
+    <script>
+    addEventListener('mousemove', () => { document.getElementById('other').hidden = false; }, { once: true });
+    document.getElementById('aim').onclick = (event) => { event.target.dataset.struck = Number(event.target.dataset.struck ?? 0) + 1; };
+    </script>";
+
+#[test]
+fn a_click_that_strikes_something_else_does_nothing_and_is_made_again() {
+    if missing() {
+        return;
+    }
+    let browser = Browser::start("evasive");
+    browser.open_text(EVASIVE);
+    browser.click("#aim");
+    let struck =
+        |id: &str| browser.run("return document.getElementById(arguments[0]).dataset.struck ?? null", id);
+    assert_eq!((struck("aim"), struck("other")), ("1".into(), Value::Null));
 }

@@ -3,11 +3,23 @@
 use std::process::{Command, Stdio};
 
 use model::Vehicle;
+use serde_json::Value;
 use stories::program;
 
 use crate::browser::missing;
 use crate::page::{diagnose, identify, open, opened_empty};
 use crate::server::{Lab, Request};
+
+/// How far the line that says that the page waits moves what stands below it.
+const MOVED_BY_WAITING: &str =
+    "const line = document.getElementById('loading'), panel = document.getElementById('panel-time');
+    const top = () => panel.getBoundingClientRect().top;
+    line.hidden = true;
+    const before = top();
+    line.hidden = false;
+    const moved = line.checkVisibility() ? top() - before : null;
+    line.hidden = true;
+    return moved;";
 
 /// The hidden effect is drawn by chance, so what is found is not said here.
 #[test]
@@ -52,6 +64,7 @@ fn the_demonstration_opens_in_the_lab() {
     let mut browser = crate::browser::Browser::start("demo-lab");
     open(&lab, &mut browser);
     identify(&browser);
+    assert_eq!(browser.run(MOVED_BY_WAITING, Value::Null), 0, "px, of what may be clicked just then");
     assert_eq!(diagnose(&browser), "missing-effect");
     // What `quadlab demo --seed 4` finds, as the README shows.
     browser.wait_for(".card.supported[data-effect='tracking-offset']", "");

@@ -26,7 +26,7 @@ coefficient = [
 
 fn write(browser: &Browser, text: &str) {
     browser.click("[role=tab][data-tab=own]");
-    browser.write("#own-text", text);
+    browser.fill("#own-text", text);
 }
 
 fn value(browser: &Browser) -> String {
