@@ -8,7 +8,8 @@ use model::{Effect, Model, effects};
 use sysid::{Prepared, compare, fit};
 
 fn effect(name: &str, text: &str) -> Effect {
-    let path = std::env::temp_dir().join(format!("sysid-user-{}-{name}.toml", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(format!("{name}.toml"));
     std::fs::write(&path, text).unwrap();
     effects::read(&path).unwrap()[0]
 }

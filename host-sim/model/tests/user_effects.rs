@@ -28,9 +28,8 @@ fn refused(text: &str) -> String {
 }
 
 fn effect(text: &str) -> Effect {
-    let folder = std::env::temp_dir().join(format!("user-effects-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    let path = folder.join(format!("{:x}.toml", text.len()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("my.toml");
     std::fs::write(&path, text).unwrap();
     effects::read(&path).unwrap()[0]
 }
@@ -463,7 +462,8 @@ fn a_model_that_looks_back_is_flown_and_not_linearised() {
     let wake = effect(WAKE);
     let mut model = Model::thesis();
     model.set(wake, &[0.1]);
-    let path = std::env::temp_dir().join(format!("wake-{}.toml", std::process::id()));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("wake.toml");
     std::fs::write(&path, model.to_toml()).unwrap();
     assert!(Model::read_to_simulate(&path).is_ok());
     let why = Model::read_to_linearize(&path).unwrap_err().to_string();

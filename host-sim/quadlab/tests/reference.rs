@@ -22,9 +22,9 @@ fn subcommands(folder: &Path, words: &[&str]) -> Vec<String> {
 fn every_command_has_a_man_page_and_completions() {
     let man = reference().join("man");
     let mut commands = vec!["quadlab".to_owned()];
-    for name in subcommands(reference(), &[]).iter().filter(|name| *name != "help") {
+    for name in subcommands(&reference(), &[]).iter().filter(|name| *name != "help") {
         commands.push(format!("quadlab-{name}"));
-        let below = subcommands(reference(), &[name]);
+        let below = subcommands(&reference(), &[name]);
         commands.extend(below.iter().filter(|name| *name != "help").map(|b| format!("quadlab-{name}-{b}")));
     }
     assert!(commands.len() > 13, "{commands:?}");
@@ -42,7 +42,7 @@ fn every_command_has_a_man_page_and_completions() {
 #[test]
 fn every_effect_has_a_page_with_its_definition() {
     let effects = reference().join("effects");
-    let listed = json_in(reference(), &["effects"]);
+    let listed = json_in(&reference(), &["effects"]);
     assert_valid("effects", &listed);
     let contents = std::fs::read_to_string(effects.join("SUMMARY.md")).unwrap();
     let listed = listed.as_array().unwrap();

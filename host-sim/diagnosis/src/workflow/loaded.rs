@@ -351,10 +351,10 @@ mod tests {
         let vehicle = truth().vehicle;
         let flight = fly(&truth(), 1, 4.0, &ORDINARY);
         let in_memory = LoadedFlight::from_flight(&flight, &vehicle).unwrap();
-        let path = std::env::temp_dir().join(format!("diagnosis-loaded-{}.csv", std::process::id()));
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("A.csv");
         std::fs::write(&path, flight.to_csv()).unwrap();
         let from_file = LoadedFlight::from_file(&path, &vehicle, Reading::default()).unwrap();
-        std::fs::remove_file(&path).unwrap();
         assert_eq!(in_memory.path, PathBuf::from("flight-1.csv"));
         assert_eq!(in_memory.sha256, from_file.sha256);
         assert_eq!(in_memory.prepared.rows(), from_file.prepared.rows());
@@ -364,8 +364,8 @@ mod tests {
     #[test]
     fn of_a_flight_the_parts_are_taken_that_are_asked_for() {
         let vehicle = truth().vehicle;
-        let folder = std::env::temp_dir().join(format!("diagnosis-parts-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
         let path = folder.join("A.csv");
         std::fs::write(&path, fly(&truth(), 1, 8.0, &ORDINARY).to_csv()).unwrap();
         let load = |window_s| {
@@ -382,7 +382,6 @@ mod tests {
         let outside = load(Some([9.0, 12.0])).unwrap_err().to_string();
         std::fs::write(folder.join("A.use.toml"), "use = [[3.0, 2.0]]").unwrap();
         let senseless = load(None).unwrap_err().to_string();
-        std::fs::remove_dir_all(&folder).unwrap();
         assert!(outside.ends_with("the log goes from 0.00 to 7.99 s"), "{outside}");
         assert!(senseless.contains("A.use.toml: use: part 1 is [3.0, 2.0]"), "{senseless}");
     }

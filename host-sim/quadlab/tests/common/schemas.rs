@@ -1,22 +1,23 @@
 //! What `quadlab reference` writes, and documents against the schemas in it.
 #![allow(dead_code, reason = "each test file uses a part of this module")]
 
-use std::path::Path;
-use std::sync::OnceLock;
+use std::path::PathBuf;
 
 use serde_json::Value;
+use tempfile::TempDir;
 
 use crate::common::done_in;
 
-/// What `quadlab reference` wrote.
-pub(crate) fn reference() -> &'static Path {
-    static FOLDER: OnceLock<tempfile::TempDir> = OnceLock::new();
-    let folder = FOLDER.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        done_in(folder.path(), &["reference", "--out", "."]);
-        folder
-    });
-    folder.path()
+/// What `quadlab reference` wrote, once for each test; it goes when the test's thread ends (a static would stay).
+pub(crate) fn reference() -> PathBuf {
+    thread_local! {
+        static FOLDER: TempDir = {
+            let folder = tempfile::tempdir().expect("a temporary folder");
+            done_in(folder.path(), &["reference", "--out", "."]);
+            folder
+        };
+    }
+    FOLDER.with(|folder| folder.path().to_owned())
 }
 
 /// A document against the schema of this name.
