@@ -114,7 +114,7 @@ fn summary(
 ) -> String {
     let Some((change, finding)) = best else {
         if verdict == Verdict::NotIdentified {
-            return "No change can be told: the flights of the model do not determine what it would change."
+            return "No change can be found: the model's flights do not determine what it would affect."
                 .into();
         }
         return nothing_named(unexplained, visible_loss);
@@ -154,8 +154,8 @@ fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -
     match unexplained {
         Some(Unexplained { axis, depends_on: Dependence::Constant, p_value, .. }) => {
             return format!(
-                "The rotors share the work otherwise than in the flights of the model, most of all on {axis} ({}), and no \
-                 known change accounts for it.",
+                "The rotors share the load differently than in the model's flights, most of all on {axis} ({}), and no \
+                 known change explains it.",
                 p_equation(*p_value)
             );
         }
@@ -176,7 +176,7 @@ fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -
 fn unaccounted(worst: &Unexplained) -> String {
     format!(
         "No change stands out, and yet these flights are not what the model says: the residual of {} {} ({} % of its squared \
-         error), and no known change accounts for it.",
+         error), and no known change explains it.",
         worst.axis,
         worst.depends_on.predicate(),
         percent(worst.share_percent)

@@ -172,7 +172,7 @@ fn unfitted(finding: &EffectFinding) -> String {
 /// An effect that lowers the error of axes which are not identified even with it.
 fn no_finding(finding: &EffectFinding) -> String {
     format!(
-        "With {}, the held-out {} falls by {} %, but what it acts on is not identified even so: this is no finding yet.",
+        "With {}, the held-out {} falls by {} %, but the axes it acts on are still not identified: this is not yet a finding.",
         finding.effect,
         rms_of(finding.judged_axes()),
         percent(finding.rms_fall_percent())
@@ -277,7 +277,7 @@ mod tests {
         assert_eq!(doubted.verdicts, both(Verdict::NotIdentified, Verdict::Adequate));
         assert_eq!(doubted.best(), Some(Effect::BatteryVoltage));
         assert!(doubted.summary.starts_with("The translation (w) is not identified"), "{}", doubted.summary);
-        assert!(doubted.summary.ends_with("this is no finding yet."), "{}", doubted.summary);
+        assert!(doubted.summary.ends_with("this is not yet a finding."), "{}", doubted.summary);
         let elsewhere = conclude(vec![voltage(40.0)], Vec::new(), vec![unknown(Axis::W)]);
         assert_eq!(elsewhere.verdicts, both(Verdict::NotIdentified, Verdict::MissingEffect));
         assert_eq!(elsewhere.verdict, Verdict::MissingEffect);

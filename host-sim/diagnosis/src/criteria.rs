@@ -201,7 +201,7 @@ pub(crate) const RULES: &[Rule] = &[
         objection: |e, _, _| not_borne_out(e, None),
     },
     Rule {
-        question: "harms little: loss on axes whose held-out error rises beyond chance, of the gain on the others",
+        question: "does little harm: loss on axes whose held-out error rises beyond chance, as a share of the gain on the others",
         unit: "%",
         at_most: true,
         figures: |e| match e.asked {

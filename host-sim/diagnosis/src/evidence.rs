@@ -46,7 +46,7 @@ pub enum WhyError {
     )]
     Change(Effect),
     /// Nothing that can have come about since the model was good.
-    #[error("{effect} is none of the changes that are tried on this model; they are {tried}")]
+    #[error("{effect} is not among the changes that are tried on this model: {tried}")]
     NoChange {
         /// The effect.
         effect: Effect,

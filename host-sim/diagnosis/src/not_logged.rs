@@ -65,7 +65,7 @@ pub(crate) fn not_told(
     };
     let mut found = Vec::new();
     if lack_position(flights) && is_left(Group::Rotation) {
-        let why = "no position is logged, and what is left may go with the speed through the air";
+        let why = "no position is logged, and the residual may depend on the airspeed";
         let fly = "log x, y and z, from motion capture or from the estimator on board";
         found.push(of(Group::Rotation, why, fly));
     }

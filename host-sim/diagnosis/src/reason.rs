@@ -395,7 +395,7 @@ impl Reason {
             }
             Self::BalanceShifted { percent, rivals } => {
                 let fall = number::percent(*percent);
-                write!(f, "it takes away {fall} % of the shift in the rotors' steady balance (squared)")?;
+                write!(f, "it explains {fall} % of the squared shift in the rotors' steady balance")?;
                 match rivals.is_empty() {
                     true => Ok(()),
                     false => write!(f, "; these flights cannot tell it from {}", joined(rivals, ", ")),

@@ -399,5 +399,5 @@ fn impossible_motors_are_refused_and_good_ones_agree_between_flights() {
     let wrong = prepare(&flights.iter().map(swapped).collect::<Vec<_>>(), &truth.vehicle);
     let model = fit(&references(&wrong), &truth.vehicle, &basic(), None).unwrap().model;
     let doubts = rotation_doubts(&model, &references(&wrong));
-    assert!(doubts.iter().any(|d| d.contains("must be positive")), "{doubts:?}");
+    assert!(doubts.iter().any(|d| d.contains("should be positive")), "{doubts:?}");
 }

@@ -25,7 +25,7 @@ pub enum ExportError {
     NoRotorSpeeds,
     /// Moments of inertia of no rigid body.
     #[error(
-        "no rigid body has the moments of inertia {0:?} kg m^2: each is at most the sum of the others. Fly so that two axes turn at \
+        "moments of inertia of {0:?} kg m^2 are impossible: none can exceed the sum of the others. Fly so that two axes turn at \
          once and identify again"
     )]
     NoRigidBody([f64; 3]),

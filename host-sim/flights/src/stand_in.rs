@@ -58,10 +58,10 @@ impl StandIn {
                 "no battery voltage: effects of a sagging battery cannot be told apart from other slow changes; log vbat",
             ),
             Self::NoPosition => Some(
-                "no position: the accelerometer tells the speed for a second at a time, enough for drag along the body axes; wind and what depends on height, place or speed cannot be identified; log x, y, z",
+                "no position: the accelerometer gives the speed only over spans of a second, enough for drag along the body axes; wind and what depends on height, place or speed cannot be identified; log x, y, z",
             ),
             Self::HeightOnly => Some(
-                "height but no horizontal position: the accelerometer tells the speed for a second at a time, enough for drag along the body axes; wind and what depends on speed cannot be identified; log x and y",
+                "height but no horizontal position: the accelerometer gives the speed only over spans of a second, enough for drag along the body axes; wind and what depends on speed cannot be identified; log x and y",
             ),
         }
     }

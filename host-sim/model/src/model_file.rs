@@ -76,8 +76,8 @@ pub enum ModelError {
     },
     /// Moments of inertia that are given, and of no rigid body.
     #[error(
-        "{}: effect \"inertia-coupling\": {ratio} = {value} is of no rigid body: it lies between -1 and 1, as no moment of inertia is \
-         larger than the sum of the other two; give the moments that were measured", path.display()
+        "{}: effect \"inertia-coupling\": {ratio} = {value} is impossible: it must lie between -1 and 1, as no moment of inertia \
+         exceeds the sum of the other two; give the measured moments", path.display()
     )]
     NoBody {
         /// The file.
@@ -539,7 +539,7 @@ mod tests {
         for value in [1.001, -1.3, 1e9] {
             let error = with(value, None).unwrap_err().to_string();
             assert!(error.starts_with("m.toml: effect \"inertia-coupling\": (Izz-Ixx)/Iyy = "), "{error}");
-            assert!(error.contains("is of no rigid body") && error.lines().count() == 1, "{error}");
+            assert!(error.contains("is impossible") && error.lines().count() == 1, "{error}");
         }
     }
 

@@ -28,7 +28,7 @@ pub struct Sweep {
 /// Why a sweep cannot be made.
 #[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
 #[error(
-    "a sweep from {low_hz} to {high_hz} Hz in {leg_s} s a motor: the band rises from above 0, and its lowest frequency has a cycle in that time"
+    "a sweep from {low_hz} to {high_hz} Hz in {leg_s} s a motor: the band must rise from above 0, with at least one cycle of its lowest frequency in that time"
 )]
 pub struct SweepError {
     low_hz: f64,

@@ -138,7 +138,7 @@ fn a_change_that_is_not_there_has_its_evidence_and_what_can_be_no_change_is_refu
     let refused = why("ground-effect");
     assert_eq!(refused.status.code(), Some(2));
     let said = String::from_utf8(refused.stderr).unwrap();
-    assert!(said.contains("ground-effect is none of the changes that are tried on this model"), "{said}");
+    assert!(said.contains("ground-effect is not among the changes that are tried on this model"), "{said}");
 }
 
 /// A model of a real craft's normal flights but those of one log, and the files of that log.

@@ -162,7 +162,7 @@ fn what_is_no_log_is_refused_with_a_sentence() {
         String::from_utf8(output.stderr).unwrap()
     };
     std::fs::write(folder.path().join("empty.ulg"), "").unwrap();
-    assert!(refused(&["import", "empty.ulg", "--out", "out"]).contains("empty.ulg: is no log of a format"));
+    assert!(refused(&["import", "empty.ulg", "--out", "out"]).contains("empty.ulg: is not in a log format"));
     assert!(refused(&["import", "none.ulg", "--out", "out"]).contains("none.ulg: cannot read the log"));
     std::fs::write(folder.path().join("cut.ulg"), b"ULog\x01\x12\x35").unwrap();
     assert!(refused(&["import", "cut.ulg", "--out", "out"]).starts_with("error: cut.ulg: "));

@@ -313,8 +313,6 @@ fn explain_names_interpolated_commands_and_looks_for_no_dead_time() {
     let said = answer["faults"].as_array().unwrap().iter().filter(|f| f["kind"] == "interpolated");
     let said: Vec<&str> = said.map(|f| f["sentence"].as_str().unwrap()).collect();
     assert_eq!(said.len(), 5, "{said:?}");
-    assert!(
-        said[0].starts_with("cmd1, cmd2, cmd3, cmd4 look interpolated by straight lines from 50 to 100 Hz")
-    );
+    assert!(said[0].starts_with("cmd1, cmd2, cmd3, cmd4 look linearly interpolated from 50 to 100 Hz"));
     assert!(!answer.to_string().contains("\"effect\":\"input-delay\""));
 }

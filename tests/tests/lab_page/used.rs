@@ -106,7 +106,7 @@ fn a_part_is_dragged_over_used_and_taken_back() {
     let before = flight(&lab, "A.csv");
     assert_ranges(&browser);
     browser.choose("#drag", "use");
-    browser.wait_for("#used", "All that flies of A.csv is used.");
+    browser.wait_for("#used", "All airborne parts of A.csv are used.");
     browser.wait_for("#used", "Shown range");
     drag(&browser, 0.25, 0.75);
     browser.wait_for("#used", "Dragged range");

@@ -175,11 +175,12 @@ fn not_in_the_log(diagnosis: &Diagnosis, flights: &[&Prepared]) -> Vec<NotIdenti
     let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
     let faster = "log at 100 Hz or more";
     let (why, excitation, groups): (String, _, Vec<Group>) = if flights.iter().any(|f| f.is_interpolated) {
-        let why = "the log is interpolated: the craft also answers to what happened between its own rows";
+        let why =
+            "the log is interpolated: the craft also responds to what happened between the original rows";
         (why.into(), faster, GROUPS.to_vec())
     } else if period_s > SLOW_S {
         let why = format!(
-            "the motor commands are under-sampled at {} Hz: the craft also answers to those between the rows",
+            "the motor commands are under-sampled at {} Hz: the craft also responds to those between the rows",
             fixed(1.0 / period_s, 0)
         );
         let is_unknown = |group: &Group| period_s > SLOWER_S || answers_to_the_past(group);

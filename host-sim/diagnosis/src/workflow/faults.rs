@@ -196,7 +196,7 @@ fn not_determined(kind: FaultKind) -> Vec<NotIdentified> {
             leaves_findings: true,
             ..NotIdentified::of_group(
                 Group::Translation,
-                "no position is logged, so the speed is known for a second at a time only".into(),
+                "no position is logged, so the speed is known only over spans of a second".into(),
                 "log x, y and z, from motion capture or from the estimator on board",
             )
         }],

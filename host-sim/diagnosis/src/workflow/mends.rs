@@ -55,7 +55,7 @@ fn refuse_faulty_log(path: &Path, vehicle: &Vehicle, reading: Reading) -> Result
             return Err(cannot(
                 path,
                 &fault,
-                "it mends flight files only; quadlab import makes them of this log",
+                "it fixes flight files only; quadlab import makes them from this log",
             ));
         }
     }
@@ -73,7 +73,7 @@ fn of_folder(
     for _ in 0..MOST_ROUNDS {
         let Some(wrong) = first_fault(paths, &map, vehicle, reading)? else { break };
         let Some(mend) = &wrong.fault.mend else {
-            return Err(cannot(wrong.path, &wrong.fault, "columns.toml cannot say what mends it"));
+            return Err(cannot(wrong.path, &wrong.fault, "columns.toml cannot express the fix"));
         };
         let mend = with_velocity(mend, &wrong.flight);
         let refuse = |why: String| cannot(wrong.path, &wrong.fault, &format!("{} {why}", file.display()));
@@ -97,11 +97,7 @@ fn of_folder(
         return Ok(None);
     }
     if let Some(wrong) = first_fault(paths, &map, vehicle, reading)? {
-        return Err(cannot(
-            wrong.path,
-            &wrong.fault,
-            "it is still there after all that columns.toml can say",
-        ));
+        return Err(cannot(wrong.path, &wrong.fault, "columns.toml alone cannot correct it"));
     }
     let old = match std::fs::read_to_string(file) {
         Ok(text) => text,

@@ -54,7 +54,7 @@ fn decode_slice(bytes: &[u8], path: &Path, watch: Watch<'_>) -> Result<Log, LogE
         Some(Format::Mcap) => mcap::decode(bytes, path, &mut progress),
         Some(Format::Csv | Format::Parquet) | None => Err(LogError::Format {
             path: path.into(),
-            what: "is no log of a format that is read".into(),
+            what: "is not in a log format that is supported".into(),
             mend: "see `quadlab import --help` for the formats".into(),
         }),
     }

@@ -10,7 +10,7 @@ const fn coefficient(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "linear-drag",
-    sentence: "The air brakes the craft in proportion to its speed.",
+    sentence: "The air slows the craft in proportion to its speed.",
     equation: r"\dot u = \dots + \frac{C_{du}}{m} u, \quad \dot v = \dots + \frac{C_{dv}}{m} v, \quad \dot w = \dots + \frac{C_{dw}}{m} w",
     source: Some("A. Szabo, thesis, Wright State University 2017, (4.3)"),
     kind: Kind::Basic,

@@ -11,7 +11,7 @@ const fn coefficient(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "quadratic-drag",
-    sentence: "Beyond the linear drag, the air brakes the craft with the square of its speed.",
+    sentence: "Beyond the linear drag, the air slows the craft with the square of its speed.",
     equation: r"\dot u = \dots + \frac{C_{qd}^{xy}}{m} |V| u, \quad \dot v = \dots + \frac{C_{qd}^{xy}}{m} |V| v, \quad \dot w = \dots + \frac{C_{qd}^{z}}{m} |V| w",
     source: None,
     kind: Kind::Linear,

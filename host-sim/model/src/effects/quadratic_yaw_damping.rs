@@ -6,7 +6,7 @@ use crate::sample::Sample;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "quadratic-yaw-damping",
-    sentence: "Beyond the linear damping, the air brakes yawing with the square of the rate.",
+    sentence: "Beyond the linear damping, the air damps yaw with the square of the rate.",
     equation: r"\dot r = \dots + \frac{C_{qr}}{I_{zz}} |r| r",
     source: None,
     kind: Kind::Linear,

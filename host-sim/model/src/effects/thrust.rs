@@ -8,7 +8,7 @@ use crate::sample::Sample;
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "thrust",
-    sentence: "Each rotor pulls upward with the square of its speed.",
+    sentence: "Each rotor's thrust grows with the square of its speed.",
     equation: r"\dot w = \dots - \frac{C_T \beta}{m} \sum_i \omega_i^2",
     source: Some("A. Szabo, thesis, Wright State University 2017, (2.6) and (4.3)"),
     kind: Kind::Basic,

@@ -20,15 +20,15 @@ pub(crate) struct FaultOptions {
     #[arg(long)]
     pub(crate) accept_faults: bool,
 
-    /// Mend wrong axes, signs and motor orders: write what the checks propose into columns.toml beside the flights, then go on
+    /// Fix wrong axes, signs and motor orders: write the proposed corrections to columns.toml beside the flights, and continue
     #[arg(long, conflicts_with = "accept_faults")]
     apply: bool,
 
-    /// Use the flights from this time on, s in the column t, whether the craft flies there or not, for example: --from 12.5
+    /// Use the flights from this time on (column t, in s), even where the craft is not flying, for example: --from 12.5
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     from: Option<f64>,
 
-    /// Use the flights up to this time, s in the column t, whether the craft flies there or not, for example: --to 61
+    /// Use the flights up to this time (column t, in s), even where the craft is not flying, for example: --to 61
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     to: Option<f64>,
 }

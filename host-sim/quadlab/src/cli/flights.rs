@@ -13,8 +13,8 @@ const ENDING: &str = "csv";
 /// Flights to fit on and to judge by, as given on the command line.
 #[derive(clap::Args)]
 pub(crate) struct SetOptions {
-    /// Flights and logs to be split into training and held-out ones, in the place of --train and --validate: by flight, by part
-    /// in the air, or by blocks of time where there is only one
+    /// Flights and logs to split into training and held-out sets, instead of --train and --validate: by flight, by airborne
+    /// part, or by blocks of time if there is only one
     #[arg(value_name = "FLIGHTS", conflicts_with_all = ["train", "validate"])]
     flights: Vec<PathBuf>,
 

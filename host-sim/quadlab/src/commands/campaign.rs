@@ -99,7 +99,7 @@ struct ReportOptions {
     #[arg(long, value_name = "DIR")]
     parts: PathBuf,
 
-    /// Most losses allowed, percent of the draws: fails unless the upper end of the 95 % interval is below it for all gains in every scenario
+    /// Maximum losses allowed, percent of the draws: fails unless the upper end of the 95 % interval is below it for all gains in every scenario
     #[arg(long, value_name = "PERCENT")]
     allow: Option<f64>,
 
@@ -134,7 +134,7 @@ struct ReplayOptions {
     output: OutputOptions,
 }
 
-/// Find conditions that are all needed for the loss in a case: all others can be nominal
+/// Find a minimal set of conditions that causes the loss in a case, with all others nominal
 #[derive(clap::Args)]
 struct WhyOptions {
     /// Plan file
@@ -378,19 +378,19 @@ fn because(causes: &Causes) -> String {
     let lost = format!("Case {case} was lost after {after_s:.2} s: {lost_by}.");
     let why = match (needed.len(), fault) {
         (0, None) => "It is lost even with everything nominal.".to_owned(),
-        (0, Some(fault)) => format!("Its fault alone loses it: {fault}."),
+        (0, Some(fault)) => format!("Its fault alone is enough: {fault}."),
         (1, None) if enough_percent.is_none() => {
             format!(
-                "{} = {} alone loses it: all others can be nominal.",
+                "{} = {} alone is enough: all others can be nominal.",
                 needed[0].name,
                 short(needed[0].value)
             )
         }
         (count, fault) => {
             let numbers = if count == 1 {
-                "one number loses".to_owned()
+                "one value causes".to_owned()
             } else {
-                format!("{count} numbers together lose")
+                format!("{count} values together cause")
             };
             let fault = fault.as_ref().map(|fault| format!(", with its fault ({fault})")).unwrap_or_default();
             let enough = enough_percent
@@ -403,7 +403,7 @@ fn because(causes: &Causes) -> String {
                 })
                 .unwrap_or_default();
             format!(
-                "Of all that was drawn, {numbers} it{fault}; without any one of these conditions the craft is kept, and all others can be nominal.{enough}"
+                "Of all that was drawn, {numbers} the loss{fault}; without any one of these conditions the craft survives, and all others can be nominal.{enough}"
             )
         }
     };

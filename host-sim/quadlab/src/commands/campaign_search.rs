@@ -80,8 +80,8 @@ fn sentence(found: &Found) -> String {
     );
     let (Some(why), Some(after_s)) = (lost_by, after_s) else {
         return format!(
-            "The search found nothing that loses {scenario} under {gains}: the worst of {flights} flights tilts by {} deg. That does \
-             not show that there is nothing. {counts}",
+            "The search found no loss in {scenario} under {gains}: the worst of {flights} flights tilts by {} deg. That does not \
+             prove that there is none. {counts}",
             significant(*tilt_deg, 3)
         );
     };
@@ -92,8 +92,8 @@ fn sentence(found: &Found) -> String {
             .map(|percent| format!(", {} % of these deviations is enough", significant(percent, 2)));
         let needed = match causes.needed.len() {
             0 => "It is lost even with everything nominal".to_owned(),
-            1 => "One number loses it".to_owned(),
-            count => format!("{count} numbers together lose it"),
+            1 => "One value is enough".to_owned(),
+            count => format!("{count} values together are enough"),
         };
         format!(" {needed}{}.", share.unwrap_or_default())
     });

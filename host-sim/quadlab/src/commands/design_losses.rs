@@ -17,7 +17,7 @@ pub(crate) struct LossOptions {
     #[arg(long, value_name = "TOML", requires = "allow")]
     pub(crate) campaign: Option<PathBuf>,
 
-    /// Most losses allowed, percent of the draws: "--allow 0.1" asks for fewer than 1 in 1,000, by the upper end of the 95 % interval in
+    /// Maximum losses allowed, percent of the draws: "--allow 0.1" requires the upper end of the 95 % interval to be below 1 in 1,000 in
     /// every scenario
     #[arg(long, value_name = "PERCENT", requires = "campaign")]
     allow: Option<f64>,
@@ -65,7 +65,7 @@ impl Losses {
         }
         if !self.hold() {
             text.push_str(
-                "no gains written: allow more, make less uncertain, or ask for other margins; where it is not shown, more draws may show it\n",
+                "no gains written: allow more losses, narrow the uncertainty, or change the margins; where it is not shown, more draws may show it\n",
             );
         }
         text

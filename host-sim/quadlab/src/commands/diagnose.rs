@@ -20,8 +20,8 @@ use crate::render::{evidence, pages, tables};
 ///
 /// Every effect of the catalogue is fitted together with the whole model on the training flights and tested on the
 /// held-out flights. An effect is supported when it lowers the error there by more than chance would and by enough to
-/// matter, with coefficients that are physically possible. Exit status 1 if the flights do not determine the model: what to
-/// fly is said.
+/// matter, with coefficients that are physically possible. Exit status 1 if the flights do not determine the model; it then
+/// says what to fly.
 ///
 /// With --changed, instead of --train and --validate, the model's coefficients stay fixed, and the residual of new
 /// flights is explained by one change (a heavier craft, a weak motor, wind, ...). The change must stand out from the

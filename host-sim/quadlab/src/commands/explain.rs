@@ -23,7 +23,7 @@ use crate::render::{discovery, discovery_page, pages, tables};
 /// Identify the basic model, then add effects until the flights support no further one.
 ///
 /// An effect is added only if the held-out flights support it. The error after every step is kept in the model's
-/// history. Exit status 1 if the flights do not determine the model: what to fly is said.
+/// history. Exit status 1 if the flights do not determine the model; it then says what to fly.
 #[derive(clap::Args)]
 #[command(after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out model.toml --html report.html")]
@@ -45,7 +45,7 @@ pub(crate) struct Options {
     #[command(flatten)]
     refine: RefineOptions,
 
-    /// Search what the known effects leave for its form, as `quadlab discover` does with the model that is written
+    /// Search the residual of the final model for a formula, as `quadlab discover` does
     #[arg(long)]
     discover: bool,
 

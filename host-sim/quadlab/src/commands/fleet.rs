@@ -29,11 +29,11 @@ pub(crate) struct Options {
     #[arg(long, value_name = "PARQUET")]
     index: Option<PathBuf>,
 
-    /// Compare the content of every file with the index, whatever its size and time of change say
+    /// Compare the content of every file with the index, even if its size and modification time match
     #[arg(long)]
     verify: bool,
 
-    /// Make the reference models of the craft anew, and read all flights about them
+    /// Rebuild the reference model of each craft, and read all flights again with it
     #[arg(long)]
     refresh: bool,
 
@@ -65,7 +65,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "DATE")]
     until: Option<String>,
 
-    /// Do not ask the logs before and after a change for its cause, as `quadlab diagnose --changed` does
+    /// Do not search the logs around a change for its cause (what `quadlab diagnose --changed` does)
     #[arg(long)]
     no_causes: bool,
 

@@ -40,7 +40,7 @@ pub(crate) struct Options {
     #[arg(long)]
     force: bool,
 
-    /// Mend wrong axes, signs and motor orders of tables: write what the checks propose into columns.toml beside them, then go on
+    /// Fix wrong axes, signs and motor orders of tables: write the proposed corrections to columns.toml beside them, and continue
     #[arg(long)]
     apply: bool,
 

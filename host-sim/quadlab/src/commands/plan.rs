@@ -170,7 +170,7 @@ fn why(proposals: &[Proposal], goal: Goal, known: Option<f64>, rotors: RotorQuan
                 .or_else(|| reason(b, a))
                 .map(|(_, words)| format!(" The catalogue says: {words}."));
             format!(
-                "If the craft has {a} or {b} of typical size and both are fitted, the one it has stands out by {} standard errors; in plain hover by {}.{}",
+                "If the craft has {a} or {b} of typical size and both are fitted, the one that is there stands out by {} standard errors (in plain hover by {}).{}",
                 text(best.worth),
                 text(number(usual)),
                 physics.unwrap_or_default()

@@ -307,8 +307,8 @@ pub(crate) fn search_page(found: &Found, sentence: &str) -> Page {
             needed.to_owned(),
         ]);
     }
-    let caption = "From 1 on the craft is lost, the higher the earlier; below, half the greatest tilt over 90 deg and half the error of \
-                   height in m.";
+    let caption = "From 1 up the craft is lost, the higher the earlier. Below 1: half of the greatest tilt over 90 deg plus half of the \
+                   height error in m.";
     let section = Section::new("Search").figure(figure, caption).table(worst.to_table());
     Page::new(format!("The worst of {} under {}", found.scenario, found.gains), sentence).section(section)
 }

@@ -83,7 +83,7 @@ pub(crate) fn steady_tilts(report: &CheckReport) -> Section {
     }
     section
         .paragraph(format!(
-            "A held tilt makes the craft slide until drag balances it. Up to these tilts every motor is then still inside its range, at {} V; a steeper tilt lasts only until that speed is reached.",
+            "At a constant tilt the craft accelerates until drag balances it. Up to these tilts every motor then stays in its range, at {} V; a steeper tilt lasts only until that speed is reached.",
             significant(first.battery_v, 3)
         ))
         .table(table)

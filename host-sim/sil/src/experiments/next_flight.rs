@@ -130,7 +130,7 @@ pub fn check_effect(predictor: &Predictor, effect: Effect) -> Result<(), PlanErr
     }
     if !predictor.model().has(effect) && !predictor.candidates().contains(&effect) {
         return refuse(
-            "cannot be predicted: a fit of all effects absorbs it, or it starts from a shape of its own",
+            "cannot be predicted: the fit of all effects absorbs it, or its fit needs a start of its own",
         );
     }
     Ok(())

@@ -126,7 +126,7 @@ pub fn sentence(left_out: &[LeftOut]) -> Option<String> {
     let parts: Vec<String> = left_out.iter().map(part).collect();
     (!parts.is_empty()).then(|| {
         format!(
-            "the craft does not fly all the time, and only what it flies is used; left out: {} (to use other parts, give \
+            "the craft is not airborne throughout; only the airborne parts are used; left out: {} (to use other parts, give \
              --from and --to, or a file FLIGHT.use.toml beside the flight)",
             parts.join(", ")
         )

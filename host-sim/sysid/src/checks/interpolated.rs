@@ -62,8 +62,8 @@ impl Interpolated {
         let columns: Vec<&str> = self.columns.iter().map(|c| COLUMNS[*c as usize]).collect();
         let [from, to] = [self.from_hz, self.to_hz].map(|hz| fixed(hz, 0));
         format!(
-            "{} look interpolated by straight lines from {from} to {to} Hz: the samples between say nothing of their own, and \
-             commands on a line come before their time, so no input-delay is looked for; log at {to} Hz, or resample the flight \
+            "{} look linearly interpolated from {from} to {to} Hz: the samples in between add no information, and interpolated \
+             commands act early, so input-delay is not tested for; log at {to} Hz, or resample the flight \
              to {from} Hz with commands held",
             columns.join(", ")
         )
@@ -252,7 +252,8 @@ mod tests {
         let found = check(&flight);
         assert_eq!(found.len(), 1);
         let said = found[0].sentence();
-        let start = "p, q, r, cmd1, cmd2, cmd3, cmd4 look interpolated by straight lines from 50 to 100 Hz: the samples";
+        let start =
+            "p, q, r, cmd1, cmd2, cmd3, cmd4 look linearly interpolated from 50 to 100 Hz: the samples";
         assert!(said.starts_with(start), "{said}");
     }
 

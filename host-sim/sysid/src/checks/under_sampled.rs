@@ -97,10 +97,10 @@ pub fn of_flights(thinnings: &[Option<Thinning>]) -> Option<String> {
         return None;
     }
     Some(format!(
-        "cmd1 to cmd4 look under-sampled: in each of {} flights the craft rolls and pitches as if it had been given further \
-         commands between those that are logged (what is left is {} times what leaving out every other command adds; it is 0 \
-         where every command is logged), so forces and moments may stay unexplained, or be taken for motor-lag; log the \
-         commands at the rate of the controller",
+        "cmd1 to cmd4 look under-sampled: in each of {} flights the craft rolls and pitches as if there were commands \
+         between the logged ones (the residual is {} times what leaving out every other command adds; it is 0 if every \
+         command is logged), so forces and moments may stay unexplained or be mistaken for motor-lag; log the commands \
+         at the rate of the controller",
         left.len(),
         fixed(usual, 1)
     ))

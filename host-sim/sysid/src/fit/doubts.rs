@@ -77,8 +77,8 @@ pub fn sign_doubts(model: &Model) -> Vec<SignDoubt> {
                     axis: axes[k * axes.len() / coefficients.len()],
                     errors: 2.0 * estimate.value.abs() / slack,
                     sentence: format!(
-                        "{} = {} must be {should}: rotor order or spin in the vehicle file, a clock offset \
-                     between commands and motion, or too little excitation",
+                        "{} = {} should be {should}: check the rotor order and spin in the vehicle file, \
+                     the clock offset between commands and motion, and the excitation",
                         info.name,
                         with_error(estimate.value, 0.5 * slack, info.unit_for(rotors))
                     ),
@@ -125,8 +125,8 @@ mod tests {
         let model = with_thrust(-0.01, Some(0.002));
         let info = &Effect::Thrust.info().coefficients[0];
         let expected = format!(
-            "{} = -0.0100 ± 0.0020 must be positive: rotor order or spin in the vehicle file, a clock \
-             offset between commands and motion, or too little excitation",
+            "{} = -0.0100 ± 0.0020 should be positive: check the rotor order and spin in the vehicle file, the clock \
+             offset between commands and motion, and the excitation",
             info.name
         );
         assert_eq!(impossible_signs(&model), [expected]);

@@ -30,7 +30,7 @@ pub enum FitError {
     },
     /// A user's formula without a finite value at a sample that was not left out beforehand.
     #[error(
-        "{flight}: the model has no finite prediction: a formula of {effect} takes a root, a logarithm or a quotient of what they do not exist for"
+        "{flight}: the model has no finite prediction: a formula of {effect} evaluates a root, logarithm or quotient outside its domain"
     )]
     NotFinite {
         /// The flight.
@@ -221,7 +221,7 @@ mod tests {
         assert_eq!(
             not_converged(&[Effect::SlungLoad, Effect::MassChange]).to_string(),
             "the fit of slung-load does not converge: these flights do not determine it; to see it: start, \
-             stop and reverse quickly, so that the load swings, then hover and let it swing out"
+             stop and reverse quickly, so that the load swings, then hover until the swing has died away"
         );
     }
 
@@ -243,8 +243,8 @@ mod tests {
         let refused = check_residuals(&[&flight], &[residuals], &model).unwrap_err();
         assert_eq!(
             refused.to_string(),
-            "made-up.csv: the model has no finite prediction: a formula of root-of-error takes a root, a \
-             logarithm or a quotient of what they do not exist for"
+            "made-up.csv: the model has no finite prediction: a formula of root-of-error evaluates a root, \
+             logarithm or quotient outside its domain"
         );
         assert_eq!(check_residuals(&[&flight], &[Residuals::default()], &model), Ok(()));
     }

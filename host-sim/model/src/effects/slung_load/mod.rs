@@ -23,7 +23,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         // Air and the cable's own stiffness damp a swing by some percent.
         Coefficient::new("damping_ratio", "1", (0.0, 1.0), 0.05).known_to(0.1),
     ],
-    excitation: "start, stop and reverse quickly, so that the load swings, then hover and let it swing out",
+    excitation: "start, stop and reverse quickly, so that the load swings, then hover until the swing has died away",
     confused_with: &[
         ("mass-change", "start and stop quickly: only a hanging load keeps swinging"),
         ("tether", "stop quickly in free space: a load keeps swinging, a tether comes to rest"),

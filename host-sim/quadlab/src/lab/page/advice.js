@@ -352,7 +352,7 @@ function toFly(app, model, effect, other, again) {
       ? el(
           "p",
           {},
-          `To tell it from ${other}: ${plan.words}; the one the craft has then stands out by ${short(plan.deviations, 2)} standard errors. `,
+          `To tell it from ${other}: ${plan.words}; the one that is there stands out by ${short(plan.deviations, 2)} standard errors. `,
           el("a", { href: plan.url, download: plan.file, "data-key": `pattern ${key}` }, `Pattern file ${plan.file}`),
         )
       : el(

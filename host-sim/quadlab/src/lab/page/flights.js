@@ -125,7 +125,7 @@ function parts(app, flight) {
           "data-key": `all of ${used.flight}`,
           click: () => app.choose("/api/use", { name: used.flight, parts: null }),
         },
-        "Use all that flies",
+        "Use all airborne parts",
       ),
     ),
   );

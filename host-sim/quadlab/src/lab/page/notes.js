@@ -92,7 +92,7 @@ function made(app, of, name) {
     title.textContent = line ? `Note: ${brief}` : "Note";
     if (text === kept || text === sent) return;
     if (isEdited()) {
-      elsewhere = `It was changed in another tab to “${text}”. What you write here takes the place of that.`;
+      elsewhere = `It was changed in another tab to “${text}”. What you write here overwrites that.`;
       told.textContent = elsewhere;
     } else {
       field.value = text;

@@ -58,7 +58,7 @@ function said(one) {
   );
   const outside = lags.filter((/** @type {number} */ r) => Math.abs(r) > one.bound).length;
   const share = lags.length ? (100 * outside) / lags.length : 0;
-  return `${percent(share)} of the autocorrelation lies outside its bounds of ±${one.bound.toFixed(3)}; noise that remembers nothing leaves about 5 %.`;
+  return `${percent(share)} of the autocorrelation lies outside its bounds of ±${one.bound.toFixed(3)}; white noise leaves about 5 %.`;
 }
 
 /** @param {any[]} answers of the chosen model, and of the second */

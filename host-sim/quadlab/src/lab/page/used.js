@@ -45,7 +45,7 @@ const said = ([from, to]) => `${from.toFixed(2)} to ${to.toFixed(2)} s`;
 
 /** What is used of a flight, as a sentence. @param {Used} used */
 export function saidOf(used) {
-  if (!used.chosen) return `All that flies of ${used.flight} is used.`;
+  if (!used.chosen) return `All airborne parts of ${used.flight} are used.`;
   const more = used.parts.length > NAMED ? ` and ${used.parts.length - NAMED} more` : "";
   return `Used of ${used.flight}: ${used.parts.slice(0, NAMED).map(said).join(", ")}${more}. The rest is shaded.`;
 }
@@ -80,7 +80,7 @@ export function usedButtons(used, range, dragged, whole, busy, change) {
     button("use-only", "Use only this range", "Nothing else of this flight is used", here),
     button("use-not", "Leave this range out", "What else is used of this flight stays", without(used.parts, about)),
     used.chosen && button("use-too", "Use this range too", "Beside what is used already", either(used.parts, here)),
-    button("use-all", "Use all that flies", "Removes the file that says which parts are used", null),
+    button("use-all", "Use all airborne parts", "Removes the file that says which parts are used", null),
   ];
 }
 

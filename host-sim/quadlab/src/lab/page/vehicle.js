@@ -121,7 +121,7 @@ function fieldsOf(vehicle) {
       el(
         "p",
         { class: "quiet" },
-        "Rotor speed over motor command is not in the file: models speak of commands in its place. A test stand gives it: quadlab motor-map.",
+        "The file has no motor map (rotor speed over command), so models use commands instead. Measure it on a test stand: quadlab motor-map.",
       ),
   );
 }
