@@ -33,6 +33,10 @@ pub use crate::embedded::{Ran, check_model, craft_to_fly, program, read_flights,
 
 /// Identify a quadcopter's model from flights, find where it fails, and name the physical effect it lacks.
 ///
+/// Training flights (--train) fit a model; held-out flights (--validate) judge it. Units are SI and radians. u, v, w are velocities along
+/// the body axes forward, right and down; p, q, r are the rates in roll, pitch and yaw. "The thesis" is A. Szabo, Wright State
+/// University, 2017.
+///
 /// Exit status: 0 success, 1 the command ran but a check or a requirement failed, 2 bad usage or bad input.
 #[derive(Parser)]
 #[command(name = "quadlab", version, max_term_width = 100)]

@@ -58,10 +58,10 @@ pub(crate) struct Options {
     #[arg(long, value_name = "TOML", requires = "simulated")]
     gains: Option<PathBuf>,
 
-    /// How fast the simulated craft's clock runs, for example 1 % fast: --clock-skew 0.01
+    /// Rate error of the simulated craft's clock, as a fraction, for example 1 % fast: --clock-skew 0.01
     #[arg(
         long,
-        value_name = "PART",
+        value_name = "FRACTION",
         default_value_t = 0.0,
         requires = "simulated",
         allow_negative_numbers = true

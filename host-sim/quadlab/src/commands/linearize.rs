@@ -27,7 +27,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "hover|TOML", default_value = "hover")]
     at: PathBuf,
 
-    /// Relative distance below which a pole and a zero cancel; 0 keeps them all
+    /// Relative distance (a fraction) below which a pole and a zero cancel; 0 keeps them all
     #[arg(long, value_name = "SHARE", default_value_t = CANCEL_TOLERANCE)]
     cancel: f64,
 
