@@ -4,8 +4,8 @@
 //! heavier or lighter, unbalanced, with unequal motors, slower rotors and a longer dead time than the
 //! gains were made for, in a wind that grows with the height, from an older or a fresher battery, with
 //! older poses and noisier sensors. In half of the flights one of the faults comes on top that the
-//! supervisor has to survive. (Wind that changes within a flight is not among them: the simulated
-//! plant has none.)
+//! supervisor has to survive. (Wind that changes within a flight is not among them: campaigns draw
+//! gusts.)
 //!
 //! A crash ([`Crash`]) counts unless physics demanded it, and that is decided without the controller:
 //! the drawn craft in the drawn air has no equilibrium, or one that asks a motor for more than there
