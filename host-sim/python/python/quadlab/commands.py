@@ -83,8 +83,8 @@ def import_log(
     logs: Logs: files, folders, patterns such as '*.ulg', or - for standard input.
     out: Folder to write the flight files and the vehicle file to; created if missing.
     force: Overwrite existing flight files and an existing vehicle file.
-    apply: Mend wrong axes, signs and motor orders of tables: write what the checks propose into
-        columns.toml beside them, then go on.
+    apply: Fix wrong axes, signs and motor orders of tables: write the proposed corrections to
+        columns.toml beside them, and continue.
     """
     options = {
         "logs": (None, logs),
@@ -116,8 +116,8 @@ def identify(
     training flights by least squares, tests them on the held-out flights, and writes the model.
 
     vehicle: Vehicle file, with what was measured before any flight.
-    flights: Flights and logs to be split into training and held-out ones, in the place of train and
-        validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to split into training and held-out sets, instead of train and validate:
+        by flight, by airborne part, or by blocks of time if there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
@@ -126,10 +126,10 @@ def identify(
     out: Model file to write. Without it, only the result has the model.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
         results will be wrong too.
-    apply: Mend wrong axes, signs and motor orders: write what the checks propose into columns.toml
-        beside the flights, then go on.
-    from_s: Use the flights from this time on, s in the column t, whether the craft flies there or not.
-    to_s: Use the flights up to this time, s in the column t, whether the craft flies there or not.
+    apply: Fix wrong axes, signs and motor orders: write the proposed corrections to columns.toml beside
+        the flights, and continue.
+    from_s: Use the flights from this time on (column t, in s), even where the craft is not flying.
+    to_s: Use the flights up to this time (column t, in s), even where the craft is not flying.
     force: Overwrite existing output files.
     """
     options = {
@@ -167,10 +167,10 @@ def compare(
     html: Page with figures to write.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
         results will be wrong too.
-    apply: Mend wrong axes, signs and motor orders: write what the checks propose into columns.toml
-        beside the flights, then go on.
-    from_s: Use the flights from this time on, s in the column t, whether the craft flies there or not.
-    to_s: Use the flights up to this time, s in the column t, whether the craft flies there or not.
+    apply: Fix wrong axes, signs and motor orders: write the proposed corrections to columns.toml beside
+        the flights, and continue.
+    from_s: Use the flights from this time on (column t, in s), even where the craft is not flying.
+    to_s: Use the flights up to this time (column t, in s), even where the craft is not flying.
     force: Overwrite existing output files.
     """
     options = {
@@ -208,15 +208,15 @@ def diagnose(
     Every effect of the catalogue is fitted together with the whole model on the training flights and
     tested on the held-out flights. An effect is supported when it lowers the error there by more than
     chance would and by enough to matter, with coefficients that are physically possible. `holds` is
-    False if the flights do not determine the model: what to fly is said.
+    False if the flights do not determine the model; it then says what to fly.
 
     With changed, instead of train and validate, the model's coefficients stay fixed, and the residual
     of new flights is explained by one change (a heavier craft, a weak motor, wind, ...). The change
     must stand out from the scatter between the flights that the model was fitted to.
 
     model: Model file.
-    flights: Flights and logs to be split into training and held-out ones, in the place of train and
-        validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to split into training and held-out sets, instead of train and validate:
+        by flight, by airborne part, or by blocks of time if there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
@@ -227,10 +227,10 @@ def diagnose(
     html: Page with figures to write.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
         results will be wrong too.
-    apply: Mend wrong axes, signs and motor orders: write what the checks propose into columns.toml
-        beside the flights, then go on.
-    from_s: Use the flights from this time on, s in the column t, whether the craft flies there or not.
-    to_s: Use the flights up to this time, s in the column t, whether the craft flies there or not.
+    apply: Fix wrong axes, signs and motor orders: write the proposed corrections to columns.toml beside
+        the flights, and continue.
+    from_s: Use the flights from this time on (column t, in s), even where the craft is not flying.
+    to_s: Use the flights up to this time (column t, in s), even where the craft is not flying.
     force: Overwrite existing output files.
     """
     options = {
@@ -275,8 +275,8 @@ def add(
 
     effect: The effect's identifier, for example: ground-effect.
     model: Model file to start from.
-    flights: Flights and logs to be split into training and held-out ones, in the place of train and
-        validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to split into training and held-out sets, instead of train and validate:
+        by flight, by airborne part, or by blocks of time if there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
@@ -285,10 +285,10 @@ def add(
     out: Model file to write. Without it, only the result has the model.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
         results will be wrong too.
-    apply: Mend wrong axes, signs and motor orders: write what the checks propose into columns.toml
-        beside the flights, then go on.
-    from_s: Use the flights from this time on, s in the column t, whether the craft flies there or not.
-    to_s: Use the flights up to this time, s in the column t, whether the craft flies there or not.
+    apply: Fix wrong axes, signs and motor orders: write the proposed corrections to columns.toml beside
+        the flights, and continue.
+    from_s: Use the flights from this time on (column t, in s), even where the craft is not flying.
+    to_s: Use the flights up to this time (column t, in s), even where the craft is not flying.
     force: Overwrite existing output files.
     """
     options = {
@@ -330,28 +330,27 @@ def explain(
     """Identify the basic model, then add effects until the flights support no further one.
 
     An effect is added only if the held-out flights support it. The error after every step is kept in
-    the model's history. `holds` is False if the flights do not determine the model: what to fly is
-    said.
+    the model's history. `holds` is False if the flights do not determine the model; it then says what
+    to fly.
 
     vehicle: Vehicle file, with what was measured before any flight.
-    flights: Flights and logs to be split into training and held-out ones, in the place of train and
-        validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to split into training and held-out sets, instead of train and validate:
+        by flight, by airborne part, or by blocks of time if there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
     without: Ignore these effects, as if the catalogue did not have them.
     refine: Refine the coefficients of the moments, or all, so that open-loop predictions over half a
         second fit best. Kept only if the held-out flights are predicted better.
-    discover: Search what the known effects leave for its form, as `quadlab discover` does with the
-        model that is written.
+    discover: Search the residual of the final model for a formula, as `quadlab discover` does.
     out: Model file to write. Without it, only the result has the model.
     html: Page with figures to write.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
         results will be wrong too.
-    apply: Mend wrong axes, signs and motor orders: write what the checks propose into columns.toml
-        beside the flights, then go on.
-    from_s: Use the flights from this time on, s in the column t, whether the craft flies there or not.
-    to_s: Use the flights up to this time, s in the column t, whether the craft flies there or not.
+    apply: Fix wrong axes, signs and motor orders: write the proposed corrections to columns.toml beside
+        the flights, and continue.
+    from_s: Use the flights from this time on (column t, in s), even where the craft is not flying.
+    to_s: Use the flights up to this time (column t, in s), even where the craft is not flying.
     force: Overwrite existing output files.
     """
     options = {
@@ -402,8 +401,8 @@ def discover(
 
     model: Model file to start from.
     vehicle: Vehicle file, where there is no model yet.
-    flights: Flights and logs to be split into training and held-out ones, in the place of train and
-        validate: by flight, by part in the air, or by blocks of time where there is only one.
+    flights: Flights and logs to split into training and held-out sets, instead of train and validate:
+        by flight, by airborne part, or by blocks of time if there is only one.
     train: Training flights: files, folders or patterns such as 'A*.csv'.
     validate: Held-out flights, used to test the fit and never for it.
     effects: Files with effects of your own, written as formulas.
@@ -412,10 +411,10 @@ def discover(
     html: Page with each form drawn over the residual.
     accept_faults: Continue with flights whose axes, signs or motor order are recognised as wrong; the
         results will be wrong too.
-    apply: Mend wrong axes, signs and motor orders: write what the checks propose into columns.toml
-        beside the flights, then go on.
-    from_s: Use the flights from this time on, s in the column t, whether the craft flies there or not.
-    to_s: Use the flights up to this time, s in the column t, whether the craft flies there or not.
+    apply: Fix wrong axes, signs and motor orders: write the proposed corrections to columns.toml beside
+        the flights, and continue.
+    from_s: Use the flights from this time on (column t, in s), even where the craft is not flying.
+    to_s: Use the flights up to this time (column t, in s), even where the craft is not flying.
     force: Overwrite existing output files.
     """
     options = {
@@ -461,7 +460,7 @@ def linearize(
 
     model: Model file.
     at: Equilibrium to linearise about: "hover", or a trim file with the motion to hold.
-    cancel: Relative distance below which a pole and a zero cancel; 0 keeps them all.
+    cancel: Relative distance (a fraction) below which a pole and a zero cancel; 0 keeps them all.
     """
     options = {
         "model": ("model", model),
@@ -521,8 +520,8 @@ def design(
     out: Gains file to write.
     campaign: Campaign to fly with the gains before they are written: scenarios and what is not known;
         its model and gains are those of the design.
-    allow: Most losses allowed, percent of the draws: "allow 0.1" asks for fewer than 1 in 1,000, by the
-        upper end of the 95 % interval in every scenario.
+    allow: Maximum losses allowed, percent of the draws: "allow 0.1" requires the upper end of the 95 %
+        interval to be below 1 in 1,000 in every scenario.
     accept_unidentified: Design for a model although its flights do not determine it; the gains are as
         wrong as the model.
     force: Overwrite existing output files.
@@ -682,8 +681,8 @@ def campaign_report(
 
     plan: Plan file.
     parts: Folder with the parts.
-    allow: Most losses allowed, percent of the draws: fails unless the upper end of the 95 % interval is
-        below it for all gains in every scenario.
+    allow: Maximum losses allowed, percent of the draws: fails unless the upper end of the 95 % interval
+        is below it for all gains in every scenario.
     html: Page to write.
     force: Overwrite existing output files.
     """
@@ -727,7 +726,7 @@ def campaign_why(
     plan: Path,
     case: int,
 ) -> Result:
-    """Find conditions that are all needed for the loss in a case: all others can be nominal.
+    """Find a minimal set of conditions that causes the loss in a case, with all others nominal.
 
     plan: Plan file.
     case: Number of the case.
@@ -799,8 +798,9 @@ def fleet(
 
     folder: Folder with a folder for each craft, or of one craft.
     index: Index to keep what was read in [default: .quadlab/fleet.parquet in the folder].
-    verify: Compare the content of every file with the index, whatever its size and time of change say.
-    refresh: Make the reference models of the craft anew, and read all flights about them.
+    verify: Compare the content of every file with the index, even if its size and modification time
+        match.
+    refresh: Rebuild the reference model of each craft, and read all flights again with it.
     forget: Forget flights whose files are gone.
     effects: Fit these effects beside the basic ones.
     without: Leave these effects out of the fit.
@@ -808,8 +808,8 @@ def fleet(
     leave_out: Leave flights out, by their paths in the folder.
     since: Look at flights from this date on.
     until: Look at flights up to this date.
-    no_causes: Do not ask the logs before and after a change for its cause, as `quadlab diagnose
-        changed` does.
+    no_causes: Do not search the logs around a change for its cause (what `quadlab diagnose changed`
+        does).
     check: `holds` is False if a craft changed.
     out: Folder for tables of flights, histories and changes, as Parquet and CSV.
     html: Page to write.
