@@ -90,7 +90,8 @@ fn only_logs_that_were_interpolated_are_said_to_be() {
                 .collect();
             if folder == "neuralfly" {
                 assert!(
-                    said.len() == 1 && said[0].starts_with("cmd1, cmd2, cmd3, cmd4 look linearly interpolated"),
+                    said.len() == 1
+                        && said[0].starts_with("cmd1, cmd2, cmd3, cmd4 look linearly interpolated"),
                     "{name}: {said:?}"
                 );
                 assert!(said[0].contains(" from 50 to 100 Hz"), "{name}: {said:?}");

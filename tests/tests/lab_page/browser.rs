@@ -247,29 +247,27 @@ impl Browser {
     /// Clicks as a user does: what lies beneath something else cannot be clicked. A click waits until its aim stays where
     /// it is; one that strikes something else, because the page moved beneath the pointer, does nothing and is made again.
     pub(crate) fn click(&self, selector: &str) {
-        let start = Instant::now();
+        let (what, start) = (format!("click on {selector}"), Instant::now());
         loop {
-            self.wait_until(&format!("{selector} to click"), AT_REST, selector);
-            self.run(GUARD, selector);
-            let click = async { self.client.find(Locator::Css(selector)).await?.click().await };
-            let what = format!("click on {selector}");
-            let clicked = self.limited(&what, click);
-            // On a page that the click has opened nothing is known of it.
-            if clicked.is_ok()
-                && self.run("return window.struck !== false && window.struck !== null", Value::Null) == true
-            {
-                return;
-            }
-            match clicked {
-                Err(error) if !is_of_a_moment(&error) || start.elapsed() > PATIENCE => {
-                    panic!("{}: {what}: {error}; {}", self.name, self.state())
-                }
-                Ok(()) if start.elapsed() > PATIENCE => {
-                    panic!("{}: every {what} strikes something else; {}", self.name, self.state())
-                }
-                _ => std::thread::sleep(Duration::from_millis(50)),
-            }
+            let why = match self.click_once(selector, &what) {
+                Ok(true) => return,
+                Ok(false) => "it strikes something else".to_owned(),
+                Err(error) if is_of_a_moment(&error) => error.to_string(),
+                Err(error) => panic!("{}: {what}: {error}; {}", self.name, self.state()),
+            };
+            assert!(start.elapsed() < PATIENCE, "{}: {what}: {why}; {}", self.name, self.state());
+            std::thread::sleep(Duration::from_millis(50));
         }
+    }
+
+    /// One click, once its aim rests; gives whether it came there.
+    fn click_once(&self, selector: &str, what: &str) -> Result<bool, CmdError> {
+        self.wait_until(&format!("{selector} to click"), AT_REST, selector);
+        self.run(GUARD, selector);
+        let click = async { self.client.find(Locator::Css(selector)).await?.click().await };
+        self.limited(what, click)?;
+        // A page that the click has opened knows nothing of it.
+        Ok(self.run("return window.struck !== false && window.struck !== null", Value::Null) == true)
     }
 
     /// Moves the pointer to the middle of what can be seen of an element.
