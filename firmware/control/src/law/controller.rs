@@ -208,10 +208,14 @@ impl Controller {
         }
     }
 
-    /// The estimators start in the steady state of their next inputs.
+    /// The next attitude and the next z are off by so much, rad and m, by no motion: the rates go on
+    /// as they were.
     #[cold]
-    pub(crate) fn restart_estimators(&mut self) {
-        self.memory.estimator = None;
+    pub(crate) fn leap(&mut self, turned_rad: [f32; 3], down_m: f32) {
+        let Self { laws, memory } = self;
+        if let Some(state) = &mut memory.estimator {
+            laws.estimator.leap(state, turned_rad, down_m);
+        }
     }
 
     /// One control period. Total: any bits in any input give finite motor commands inside the
@@ -910,18 +914,39 @@ mod tests {
         assert!((reference_m + 1.5).abs() < 1e-6, "{reference_m}");
     }
 
+    /// A craft that climbs and turns, and is seen elsewhere: its rates are what they would have been, on either branch of the yaw.
     #[test]
-    fn restarted_estimators_see_no_leap() {
-        let mut controller = thesis();
-        for _ in 0..10 {
-            controller.tick(&HOVER, &STAY);
+    fn a_leap_is_no_motion() {
+        let (mut stays, mut leaps) = (thesis(), thesis());
+        for k in 0..40 {
+            let tick = k as f32;
+            let at = |[roll, pitch, yaw]: [f32; 3], z_m: f32| Measurement {
+                position_m: [0.0, 0.0, -1.0 - 0.003 * tick + z_m],
+                attitude_rad: [
+                    0.002 * tick + roll,
+                    pitch - 0.001 * tick,
+                    crate::dsp::trig::wrap_angle(3.0 + 0.004 * tick + yaw),
+                ],
+                ..HOVER
+            };
+            let (turned_rad, down_m) = ([0.1, -0.2, 0.3], -0.5);
+            if k == 20 {
+                leaps.leap(turned_rad, down_m);
+            }
+            let seen = if k < 20 { at([0.0; 3], 0.0) } else { at(turned_rad, down_m) };
+            let want = stays.tick(&at([0.0; 3], 0.0), &STAY).terms;
+            let got = leaps.tick(&seen, &STAY).terms;
+            let rates = |terms: &Terms| {
+                let [roll, pitch, yaw] = terms.euler_rates_rad_s;
+                [roll, pitch, yaw, terms.z_rate_m_s]
+            };
+            for (got, want) in rates(&got).into_iter().zip(rates(&want)) {
+                assert!((got - want).abs() < 2e-4, "{k}: {got} {want}");
+            }
         }
-        controller.restart_estimators();
-        let away = Measurement { position_m: [0.0, 0.0, -2.0], attitude_rad: [0.2, 0.0, 0.0], ..HOVER };
-        for _ in 0..5 {
-            let Terms { z_rate_m_s, body_rates_rad_s: [p, ..], .. } = controller.tick(&away, &STAY).terms;
-            assert!(z_rate_m_s.abs() < 1e-4 && p.abs() < 1e-4, "{z_rate_m_s} {p}");
-        }
+        let mut new = thesis();
+        new.leap([0.1; 3], 0.1);
+        assert_eq!(new, thesis(), "nothing to move");
     }
 
     /// The weight is carried at every tilt up to 60 degrees, and twice the weight at most.

@@ -154,6 +154,16 @@ impl Estimator {
         }
     }
 
+    /// The next attitude and the next z are off by so much, rad and m, by no motion: the past is
+    /// moved along with them.
+    pub fn leap(&self, state: &mut EstimatorState, [roll, pitch, yaw]: [f32; 3], down_m: f32) {
+        state.phi.add(self.velocity.steady(roll));
+        state.theta.add(self.velocity.steady(pitch));
+        state.psi.add(self.velocity.steady(yaw));
+        state.psi_rad += yaw;
+        state.z.add(self.velocity.steady(down_m));
+    }
+
     /// One sample: attitude in rad, z in m, voltage in V and, if there is one, the gyro in rad/s.
     #[inline]
     pub fn step(
