@@ -160,7 +160,6 @@ impl Estimator {
         state.phi.add(self.velocity.steady(roll));
         state.theta.add(self.velocity.steady(pitch));
         state.psi.add(self.velocity.steady(yaw));
-        state.psi_rad += yaw;
         state.z.add(self.velocity.steady(down_m));
     }
 
