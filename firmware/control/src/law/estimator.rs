@@ -156,7 +156,7 @@ impl Estimator {
 
     /// The next attitude and the next z are off by so much, rad and m, by no motion: the past is
     /// moved along with them.
-    pub fn leap(&self, state: &mut EstimatorState, [roll, pitch, yaw]: [f32; 3], down_m: f32) {
+    pub(crate) fn leap(&self, state: &mut EstimatorState, [roll, pitch, yaw]: [f32; 3], down_m: f32) {
         state.phi.add(self.velocity.steady(roll));
         state.theta.add(self.velocity.steady(pitch));
         state.psi.add(self.velocity.steady(yaw));
