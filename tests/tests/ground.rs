@@ -57,20 +57,21 @@ struct Way {
     dice: rand_pcg::Pcg64Mcg,
     /// Which part of the packets is lost; a tenth of the others comes twice.
     lost: f64,
-    /// How late they are at most, s: each by itself, so that they overtake each other.
-    longest_s: f64,
+    /// How late they are at least and at most, s: each by itself, so that they overtake each other.
+    late_s: [f64; 2],
     /// When each that is under way arrives.
     under_way: Vec<(f64, Vec<u8>)>,
 }
 
 impl Way {
-    fn new(seed: u64, lost: f64, longest_s: f64) -> Self {
-        Self { dice: rand_pcg::Pcg64Mcg::seed_from_u64(seed), lost, longest_s, under_way: Vec::new() }
+    fn new(seed: u64, lost: f64, late_s: [f64; 2]) -> Self {
+        Self { dice: rand_pcg::Pcg64Mcg::seed_from_u64(seed), lost, late_s, under_way: Vec::new() }
     }
 
     /// Takes packets in; gives those that arrive by now, in the order of their arrival.
     fn pass(&mut self, now_s: f64, packets: impl IntoIterator<Item = Vec<u8>>) -> Vec<Vec<u8>> {
-        if self.lost == 0.0 && self.longest_s == 0.0 {
+        let [shortest_s, longest_s] = self.late_s;
+        if self.lost == 0.0 && longest_s == 0.0 {
             return packets.into_iter().collect();
         }
         for packet in packets {
@@ -80,7 +81,7 @@ impl Way {
                 1 + usize::from(self.dice.random_bool(0.1))
             };
             for _ in 0..copies {
-                let late_s = self.longest_s * self.dice.random::<f64>();
+                let late_s = shortest_s + (longest_s - shortest_s) * self.dice.random::<f64>();
                 self.under_way.push((now_s + late_s, packet.clone()));
             }
         }
@@ -110,7 +111,7 @@ impl Day {
             socket,
             frame: 0,
             tracks: true,
-            ways: [1, 2].map(|seed| Way::new(seed, 0.0, 0.0)),
+            ways: [1, 2].map(|seed| Way::new(seed, 0.0, [0.0; 2])),
             forged: 0,
             seen: Vec::new(),
             now_s: 5.0,
@@ -477,28 +478,31 @@ fn a_restarted_tracker_is_heard_again_in_flight() {
 }
 
 /// Packets that are lost, come twice, late, and in another order, each way, for 10 s: the craft flies on or holds, lands if it has to,
-/// never falls, stays where it is to half a metre, and goes on flying when the link is good again.
+/// never falls, and goes on flying when the link is good again. It stays where it is to half a metre; where it has to land without poses,
+/// to the drills' 1 m.
 #[test]
 fn a_bad_link_is_flown_over_held_or_landed() {
     use control::State::{Disarmed, Flying, Hold, Land};
     let thesis = FlightPlan::identification(Model::thesis(), 5, 1.0).config;
     let designed = sil::for_identification(sil::designed_config().unwrap());
-    let cases: [(f64, f64, &[control::State]); 7] = [
-        (0.1, 0.0, &[Flying]),
-        (0.1, 0.03, &[Flying]),
-        (0.3, 0.05, &[Flying, Hold]),
-        (0.0, 0.2, &[Flying, Hold]),
-        (0.5, 0.0, &[Flying, Hold]),
-        (0.5, 0.05, &[Flying, Hold]),
-        (0.5, 0.2, &[Flying, Hold, Land, Disarmed]),
+    let cases: [(f64, [f64; 2], &[control::State]); 9] = [
+        (0.1, [0.0, 0.0], &[Flying]),
+        (0.1, [0.0, 0.03], &[Flying]),
+        (0.3, [0.0, 0.05], &[Flying, Hold]),
+        (0.0, [0.0, 0.2], &[Flying, Hold]),
+        (0.5, [0.0, 0.0], &[Flying, Hold]),
+        (0.5, [0.0, 0.05], &[Flying, Hold]),
+        (0.5, [0.0, 0.2], &[Flying, Hold, Land, Disarmed]),
+        (0.0, [0.08, 0.08], &[Flying, Hold]),
+        (0.1, [0.05, 0.08], &[Flying, Hold]),
     ];
-    for (lost, longest_s, allowed) in cases {
+    for (lost, late_s, allowed) in cases {
         for seed in [3, 5, 7] {
-            fly_over_bad_link(&thesis, seed, lost, longest_s, allowed);
-            fly_over_bad_link(&designed, seed, lost, longest_s, allowed);
+            fly_over_bad_link(&thesis, seed, lost, late_s, allowed);
+            fly_over_bad_link(&designed, seed, lost, late_s, allowed);
         }
     }
-    fly_over_bad_link(&designed, 3, 0.1, 0.05, &[Flying]);
+    fly_over_bad_link(&designed, 3, 0.1, [0.0, 0.05], &[Flying]);
 }
 
 /// 10 s of a bad link, and 3 s of a good one.
@@ -506,16 +510,16 @@ fn fly_over_bad_link(
     config: &control::Config,
     seed: u64,
     lost: f64,
-    longest_s: f64,
+    late_s: [f64; 2],
     allowed: &[control::State],
 ) {
     use control::State::{Disarmed, Flying, Land};
-    let link = format!("seed {seed}, {lost} lost, up to {longest_s} s late");
+    let link = format!("seed {seed}, {lost} lost, {late_s:?} s late");
     let mut day = hovering_under(*config);
     let before = day.lab.position_m();
     let mut went = vec![Flying];
-    for (ticks, lost, longest_s) in [(1000, lost, longest_s), (300, 0.0, 0.0)] {
-        day.ways = [seed, seed + 1].map(|seed| Way::new(seed, lost, longest_s));
+    for (ticks, lost, late_s) in [(1000, lost, late_s), (300, 0.0, [0.0; 2])] {
+        day.ways = [seed, seed + 1].map(|seed| Way::new(seed, lost, late_s));
         for tick in 0..ticks {
             day.tick();
             let state = day.lab.state();
@@ -532,5 +536,5 @@ fn fly_over_bad_link(
     let [x, y, _] = day.lab.position_m();
     let off_m = (x - before[0]).hypot(y - before[1]);
     println!("{link}: {off_m:.2} m off, {} states", went.len());
-    assert!(off_m < 0.5, "{link}: {x} {y}, from {before:?}");
+    assert!(off_m < if has_landed { 1.0 } else { 0.5 }, "{link}: {x} {y}, from {before:?}");
 }

@@ -11,8 +11,8 @@
 //! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is
 //!    not a number) counts in the next tick.
 //!
-//! Without poses (thesis chapter 3 has no other position): the position is held and the attitude
-//! carried on from the last pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up
+//! Poses that come late are brought to now by the gyro (`law/carried.rs`). Without
+//! poses (thesis chapter 3 has no other position): the position is held and the attitude carried on from the last pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up
 //! to [`PoseLimits::coast_s`] the command stays; then level at the held height, with the thrust that
 //! carried the craft while it was seen (`safety/hover_thrust.rs`), which brakes it too; then down: the altitude loop sees
 //! a craft too high by [`Landing::blind_offset_m`], which takes `kp` times that off this thrust. At
@@ -28,9 +28,9 @@
 
 use crate::config::error::ConfigError;
 use crate::config::gains::Config;
-use crate::dsp::trig::{sin_cos, wrap_angle};
 use crate::inputs::input_checks::is_finite;
 use crate::inputs::readings::{Command, Measurement, Mode, Pose, Readings, Request};
+use crate::law::carried::{Turns, carry, turn};
 use crate::law::controller::{Controller, Guided, LANDING_DEPTH_M};
 use crate::law::terms::Tick;
 use crate::safety::aftermath::Aftermath;
@@ -91,8 +91,13 @@ pub struct Autopilot {
     idle_wanted: bool,
     /// The last good pose.
     pose: Pose,
-    /// Attitude by the gyro since then, rad; none while poses come.
+    /// The attitude of now by the gyro, rad; none where the last good pose counts as it came.
     carried_rad: Option<[f32; 3]>,
+    /// The last tick had no good pose.
+    is_blind: bool,
+    /// The last good pose was brought to now.
+    was_late: bool,
+    turns: Turns,
     anchor: Anchor,
     touchdown: Touchdown,
     standing: Standing,
@@ -143,6 +148,9 @@ impl Autopilot {
             idle_wanted: true,
             pose: NOWHERE,
             carried_rad: None,
+            is_blind: false,
+            was_late: false,
+            turns: Turns::NONE,
             anchor: Anchor::default(),
             flight: Flight::default(),
         })
@@ -277,15 +285,21 @@ impl Autopilot {
         }
         let seen = detectors.pose(pose, &known, elapsed_us, limits, conditions);
         let gyro_rad_s = detectors.imu(readings.gyro_rad_s, elapsed_us, limits, conditions);
-        if let (true, Some(pose)) = (seen, pose) {
-            if self.carried_rad.is_some() && detectors.pose.late {
-                // What the estimators make of the way between is no velocity.
-                let turned_rad = turn(carry(before_rad, gyro_rad_s, elapsed_us), pose.attitude_rad);
-                self.controller.leap(turned_rad, pose.position_m[2] - self.pose.position_m[2]);
+        self.turns.hear(gyro_rad_s, elapsed_us);
+        match pose.filter(|_| seen) {
+            Some(pose) => {
+                let late = self.turns.poses_are_late(readings.pose_age_us);
+                if late || self.carried_rad.is_some() {
+                    self.see_again(readings, pose, late, gyro_rad_s, elapsed_us);
+                }
+                // In parts: as a whole it would be moved by a call.
+                let Pose { position_m, attitude_rad } = *pose;
+                (self.pose.position_m, self.pose.attitude_rad) = (position_m, attitude_rad);
             }
-            (self.pose, self.carried_rad) = (*pose, None);
-        } else {
-            self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));
+            None => {
+                self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));
+                self.is_blind = true;
+            }
         }
         let measurement = Measurement {
             position_m: self.pose.position_m,
@@ -294,6 +308,29 @@ impl Autopilot {
             battery_v: readings.battery_v,
         };
         (measurement, seen)
+    }
+
+    /// A good pose that is late, or the first one after ticks without or after late ones.
+    #[cold]
+    fn see_again(
+        &mut self,
+        readings: &Readings,
+        pose: &Pose,
+        late: bool,
+        gyro_rad_s: Option<[f32; 3]>,
+        elapsed_us: u32,
+    ) {
+        let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
+        self.carried_rad = late.then(|| self.turns.brought_to_now(pose.attitude_rad, readings.pose_age_us));
+        let silent = self.is_blind && self.detectors.pose.late;
+        if silent || late != self.was_late {
+            // What the estimators make of the way between is no velocity.
+            let seen_rad = self.carried_rad.unwrap_or(pose.attitude_rad);
+            let turned_rad = turn(carry(before_rad, gyro_rad_s, elapsed_us), seen_rad);
+            let down_m = if silent { pose.position_m[2] - self.pose.position_m[2] } else { 0.0 };
+            self.controller.leap(turned_rad, down_m);
+        }
+        (self.is_blind, self.was_late) = (false, late);
     }
 
     /// What only the outcome shows, for the next tick.
@@ -444,30 +481,6 @@ impl Autopilot {
             self.controller.settle_height(z);
         }
     }
-}
-
-/// The attitude in rad after turning at the gyro's rates: Euler rates from body rates, thesis
-/// (2.3).
-#[cold]
-fn carry([roll, pitch, yaw]: [f32; 3], gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) -> [f32; 3] {
-    let Some([p, q, r]) = gyro_rad_s else { return [roll, pitch, yaw] };
-    let dt = elapsed_us as f32 * 1e-6;
-    let ((sin_roll, cos_roll), (sin_pitch, cos_pitch)) = (sin_cos(roll), sin_cos(pitch));
-    // With the nose straight up yaw and roll are one; by then the tilt has long been detected.
-    let cos_pitch = if cos_pitch.abs() < 0.1 { 0.1 } else { cos_pitch };
-    let turning = q * sin_roll + r * cos_roll;
-    [
-        wrap_angle(roll + dt * (p + turning * sin_pitch / cos_pitch)),
-        pitch + dt * (q * cos_roll - r * sin_roll),
-        wrap_angle(yaw + dt * turning / cos_pitch),
-    ]
-}
-
-/// From one attitude to another in rad, yaw the short way round.
-#[cold]
-fn turn(from_rad: [f32; 3], [roll, pitch, yaw]: [f32; 3]) -> [f32; 3] {
-    let [roll0, pitch0, yaw0] = from_rad;
-    [roll - roll0, pitch - pitch0, wrap_angle(yaw - yaw0)]
 }
 
 #[cfg(test)]
@@ -652,6 +665,47 @@ mod tests {
         }
     }
 
+    /// A flight at a roll rate of 0.5 rad/s whose poses are so old, tick by tick; what the law makes of attitude and rate in each, less what
+    /// they are.
+    fn rolling(ticks: u32, age_us: impl Fn(u32) -> u32) -> Vec<(f32, f32)> {
+        let mut autopilot = Autopilot::in_flight(&Config::thesis()).unwrap();
+        let roll_rad = |time_us: u32| 0.5 * (time_us as f32 * 1e-6 - 0.5);
+        let at = |k: u32| (10_000 * k).saturating_sub(age_us(k));
+        (0..ticks)
+            .map(|k| {
+                flown(&mut autopilot, k..k + 1, |k, readings| {
+                    let pose = readings.pose.as_mut().unwrap();
+                    pose.attitude_rad[0] = roll_rad(at(k));
+                    // One that was taken before the last is overtaken by it.
+                    readings.pose = readings.pose.filter(|_| k == 0 || at(k) > at(k - 1));
+                    readings.pose_age_us = age_us(k);
+                    let [_, q, _] = readings.gyro_rad_s.unwrap();
+                    readings.gyro_rad_s = Some([0.5, q, 0.0]);
+                });
+                let terms = autopilot.flight().tick.terms;
+                (terms.attitude_rad[0] - roll_rad(10_000 * k), terms.euler_rates_rad_s[0] - 0.5)
+            })
+            .collect()
+    }
+
+    /// On a good link a pose counts as it came. On a slow one, attitude and rate are those of now, and
+    /// nothing is felt of the way from one to the other and back.
+    #[test]
+    fn late_poses_are_brought_to_now() {
+        let good = rolling(100, |_| 20_000);
+        assert!(good[50..].iter().all(|(off_rad, _)| (off_rad + 0.01).abs() < 1e-5), "{good:?}");
+        let age_us = |k| match k {
+            0..30 => 20_000,
+            30..60 => 60_000 + 10_000 * (k % 3),
+            60.. => 15_000,
+        };
+        let slow = rolling(130, age_us);
+        let off_rad_s = slow[20..].iter().map(|(_, off)| off.abs()).fold(0.0, f32::max);
+        assert!(off_rad_s < 0.05, "{off_rad_s} {slow:?}");
+        assert!(slow[36..105].iter().all(|(off_rad, _)| off_rad.abs() < 1e-3), "{slow:?}");
+        assert!(slow[115..].iter().all(|(off_rad, _)| (off_rad + 0.0075).abs() < 1e-5), "{slow:?}");
+    }
+
     /// By a new pose, with thrust that the motors have.
     #[test]
     fn what_carries_the_craft_is_learned_where_it_is_seen() {
@@ -772,31 +826,5 @@ mod tests {
         assert_eq!([state(true), state(false)], [State::Land; 2]);
         assert_eq!(state(true), State::Cut);
         assert_eq!(state(false), State::Cut);
-    }
-
-    /// Turning about a fixed axis: the carried attitude is that of the rotation, by nalgebra.
-    #[test]
-    fn the_gyro_carries_the_attitude() {
-        use nalgebra::{Rotation3, Vector3};
-        let rates = [0.6_f32, -0.4, 0.9];
-        let start = [0.1_f32, 0.2, 3.0];
-        let [r0, p0, y0] = start.map(f64::from);
-        let mut attitude = start;
-        for _ in 0..1000 {
-            attitude = carry(attitude, Some(rates), 1000);
-        }
-        let turned = Rotation3::new(Vector3::from(rates.map(f64::from)));
-        let exact = Rotation3::from_euler_angles(r0, p0, y0) * turned;
-        let (roll, pitch, yaw) = exact.euler_angles();
-        for (got, want) in attitude.iter().zip([roll, pitch, yaw]) {
-            // First-order steps of 1 ms over 1 s at 1.2 rad/s: half of 1.2^2 * 1 ms, below 1e-3
-            // rad.
-            assert!((f64::from(*got) - want).abs() < 1e-3, "{attitude:?} {roll} {pitch} {yaw}");
-        }
-        assert_eq!(carry(start, None, 10_000), start);
-        // Nose up: 0.1 stands in for a cosine of next to nothing.
-        let [roll, pitch, yaw] =
-            carry([0.0, core::f32::consts::FRAC_PI_2, 0.0], Some([0.0, 0.0, 1.0]), 10_000);
-        assert!((roll - 0.1).abs() < 1e-4 && (yaw - 0.1).abs() < 1e-4, "{roll} {pitch} {yaw}");
     }
 }

@@ -38,9 +38,10 @@ struct Arguments {
     #[arg(long, value_name = "TOML")]
     gains: Option<PathBuf>,
 
-    /// Age of the pose that the controller gets, in samples of 10 ms
-    #[arg(long, value_name = "SAMPLES", default_value_t = 2, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1000))]
-    delay: u16,
+    /// Age of the pose that the controller gets, in samples of 10 ms [default: 2; --monte-carlo
+    /// draws 1 or 2 for each flight]
+    #[arg(long, value_name = "SAMPLES", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(0..=1000))]
+    delay: Option<u16>,
 
     /// Noise of the sensors; off reproduces the reference responses
     #[arg(long, value_enum, default_value_t = Switch::Off)]
@@ -76,7 +77,7 @@ struct Arguments {
 
     /// Fly the failsafe drills instead and print the list: each rule with a flight that sets it off
     /// and one that just does not
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["scenarios", "pattern", "transport", "model", "delay", "noise", "substeps", "on", "json"])]
     failsafes: bool,
 
     /// Fly the drills with so many seeds, beginning with --seed
@@ -85,11 +86,11 @@ struct Arguments {
 
     /// Fly one craft for so many hours of simulated time, mission after mission, and see that
     /// nothing happens and its memory does not grow
-    #[arg(long, value_name = "HOURS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model", "monte_carlo"])]
+    #[arg(long, value_name = "HOURS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model", "delay", "noise", "substeps", "on", "json", "monte_carlo"])]
     soak: Option<f64>,
 
     /// Fly so many flights of 15 s under conditions drawn from --seed and the seeds after it
-    #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model"])]
+    #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model", "noise", "substeps", "on", "json"])]
     monte_carlo: Option<u64>,
 
     /// Keep the flights of --monte-carlo in this file, and go on from those that are in it
@@ -187,7 +188,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
     let settings = Settings {
         config: gains.map(|gains| gains.config),
         model,
-        delay_samples: usize::from(arguments.delay),
+        delay_samples: arguments.delay.map_or(Settings::default().delay_samples, usize::from),
         noise: (arguments.noise == Switch::On).then(NoiseModel::default),
         seed: arguments.seed,
         substeps: u32::from(arguments.substeps),
@@ -346,12 +347,26 @@ fn long_run(arguments: &Arguments, config: Config) -> anyhow::Result<ExitCode> {
         }
         None => {
             let flights = arguments.monte_carlo.unwrap_or_default();
-            let found = survey(&MonteCarlo { flights, config, seed }, arguments.resume.as_deref())?;
-            (found.to_string(), found.holds())
+            let delay_samples = arguments.delay.map(usize::from);
+            let plan = MonteCarlo { flights, config, seed, delay_samples };
+            let found = survey(&plan, arguments.resume.as_deref())?;
+            (found.text(&again(arguments)), found.holds())
         }
     };
     report::print(&text)?;
     Ok(ExitCode::from(u8::from(!holds)))
+}
+
+/// The options of a Monte Carlo survey that one of its flights needs too.
+fn again(arguments: &Arguments) -> String {
+    let mut options = String::new();
+    if let Some(delay) = arguments.delay {
+        let _ = write!(options, " --delay {delay}");
+    }
+    if let Some(gains) = &arguments.gains {
+        let _ = write!(options, " --gains {}", gains.display());
+    }
+    options
 }
 
 fn failsafes(arguments: &Arguments, config: &Config) -> anyhow::Result<ExitCode> {

@@ -131,6 +131,9 @@ fn bad_usage_is_one_line_and_status_2() {
         (&["--on", "cortex-m4"], "cargo xtask sil --on cortex-m4"),
         (&["--on", "armv7", "--transport", "iceoryx2"], "leave --transport out"),
         (&["--on", "moon"], "--on host"),
+        (&["--monte-carlo", "5", "--noise", "off"], "cannot be used with '--noise <NOISE>'"),
+        (&["--soak", "1", "--delay", "3"], "cannot be used with '--delay <SAMPLES>'"),
+        (&["--failsafes", "--model", "craft.toml"], "cannot be used with '--model <TOML>'"),
     ] {
         let output = sil(arguments, out.path());
         let message = text(&output.stderr);

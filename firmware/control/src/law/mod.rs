@@ -3,6 +3,7 @@
 
 pub mod altitude;
 pub mod attitude;
+pub(crate) mod carried;
 pub mod controller;
 pub mod estimator;
 pub mod pid;

@@ -1,6 +1,7 @@
 //! What can go wrong in a flight: each fault begins at a time, lasts a while, and changes what
 //! reaches the autopilot or the motors. The craft itself and the sensors' noise do not change.
 
+use std::collections::VecDeque;
 use std::fmt;
 
 use control::{Command, Pose, Readings, Request};
@@ -18,7 +19,7 @@ pub enum FaultKind {
     CutOff,
     /// No pose comes.
     PoseSilent,
-    /// Poses were taken so long ago, us, though they tell where the craft is now.
+    /// Poses come so much later than they did, us: at first, none; then each with its age.
     PoseOld(u32),
     /// The last pose comes again and again.
     PoseFrozen,
@@ -71,7 +72,7 @@ impl FaultKind {
             Self::Asks(_) => "a request from the ground",
             Self::CutOff => "cut-off by the pilot",
             Self::PoseSilent => "no poses",
-            Self::PoseOld(_) => "old poses",
+            Self::PoseOld(_) => "late poses",
             Self::PoseFrozen => "frozen pose",
             Self::PoseShifted(_) => "shifted pose",
             Self::PoseTurned(_) => "turned pose",
@@ -103,7 +104,7 @@ impl FaultKind {
                 let [x, y, z] = by.map(|m| format!("{m:.2}"));
                 format!("by ({x}, {y}, {z}) m")
             }
-            Self::PoseOld(us) => format!("by {us} us"),
+            Self::PoseOld(us) => format!("by {:.2} s", f64::from(us) * 1e-6),
             Self::PoseTurned(rad) => format!("by {rad:.2} rad"),
             Self::ImuBiased(rad_s) | Self::ImuShaken(rad_s) => format!("by {rad_s:.3} rad/s"),
             Self::ImuScaled(factor) => format!("times {factor:.2}"),
@@ -160,6 +161,8 @@ impl Fault {
 pub(crate) struct Faults {
     last_pose: Option<Pose>,
     last_gyro: Option<[f32; 3]>,
+    /// Poses on their way, and when each was taken, s.
+    on_their_way: VecDeque<(f64, Pose)>,
     asked: bool,
     last_motors: Option<[f32; 4]>,
     /// Changes its sign from tick to tick.
@@ -168,7 +171,14 @@ pub(crate) struct Faults {
 
 impl Default for Faults {
     fn default() -> Self {
-        Self { last_pose: None, last_gyro: None, asked: false, last_motors: None, shaken: 1.0 }
+        Self {
+            last_pose: None,
+            last_gyro: None,
+            on_their_way: VecDeque::new(),
+            asked: false,
+            last_motors: None,
+            shaken: 1.0,
+        }
     }
 }
 
@@ -177,13 +187,30 @@ impl Faults {
     pub(crate) fn distort(&mut self, faults: &[Fault], time_s: f64, readings: &mut Readings) -> bool {
         let (last_pose, last_gyro) = (self.last_pose, self.last_gyro);
         let mut stalled = false;
+        let late = |fault: &Fault| matches!(fault.kind, FaultKind::PoseOld(_)) && fault.is_on(time_s);
+        if !faults.iter().any(late) {
+            self.on_their_way.clear();
+        }
         for fault in faults.iter().filter(|fault| fault.is_on(time_s)) {
-            stalled |= fault.kind == FaultKind::LoopStalled;
-            self.distort_by(fault.kind, readings, last_pose, last_gyro);
+            match fault.kind {
+                FaultKind::LoopStalled => stalled = true,
+                FaultKind::PoseOld(age_us) => self.delay(age_us, time_s, readings),
+                kind => self.distort_by(kind, readings, last_pose, last_gyro),
+            }
         }
         // A frozen value is the last one, so it stays the same.
         (self.last_pose, self.last_gyro) = (readings.pose.or(last_pose), readings.gyro_rad_s.or(last_gyro));
         stalled
+    }
+
+    /// Holds the pose back, and hands out the one whose time has come.
+    fn delay(&mut self, age_us: u32, time_s: f64, readings: &mut Readings) {
+        self.on_their_way.extend(readings.pose.take().map(|pose| (time_s, pose)));
+        let taken_s = time_s - f64::from(age_us) * 1e-6 + SAME_TIME_S;
+        while let Some((_, pose)) = self.on_their_way.front().filter(|(at_s, _)| *at_s <= taken_s) {
+            (readings.pose, readings.pose_age_us) = (Some(*pose), age_us);
+            self.on_their_way.pop_front();
+        }
     }
 
     fn distort_by(
@@ -211,7 +238,6 @@ impl Faults {
                 readings.command = readings.command.map(|c| Command { cut_off: true, ..c });
             }
             FaultKind::PoseSilent => readings.pose = None,
-            FaultKind::PoseOld(age_us) => readings.pose_age_us = age_us,
             FaultKind::PoseFrozen => readings.pose = last_pose,
             FaultKind::PoseShifted(by_m) => {
                 pose(&|pose| pose.position_m.iter_mut().zip(by_m).for_each(|(x, by)| *x += by), readings)
@@ -237,6 +263,7 @@ impl Faults {
             | FaultKind::MotorWeak(..)
             | FaultKind::MotorsWeak(_)
             | FaultKind::LoopStalled
+            | FaultKind::PoseOld(_)
             | FaultKind::Hangs(_) => {}
         }
     }
@@ -318,6 +345,29 @@ mod tests {
             .collect();
         // From the tick at 0.03 s on, up to but not with the one at 0.05 s.
         assert_eq!(x, [0.0, 1.0, 2.0, 2.0, 2.0, 5.0, 6.0]);
+    }
+
+    /// Late by 0.03 s in two spells: for so long none comes, then that of three ticks ago with its age; what is late when a spell ends has
+    /// been overtaken.
+    #[test]
+    fn a_late_pose_comes_with_its_age() {
+        let late = |from_s| Fault { kind: FaultKind::PoseOld(30_000), from_s, for_s: 0.05 };
+        let mut faults = Faults::default();
+        let came: Vec<Option<(f32, u32)>> = (0..14)
+            .map(|k| {
+                let readings = distorted(&[late(0.02), late(0.08)], &mut faults, k).0;
+                readings.pose.map(|pose| (pose.position_m[0], readings.pose_age_us))
+            })
+            .collect();
+        let fresh = |x| Some((x, 0));
+        let spell = |x| [None, None, None, Some((x, 30_000)), Some((x + 1.0, 30_000))];
+        let want: Vec<_> = [fresh(0.0), fresh(1.0)]
+            .into_iter()
+            .chain(spell(2.0))
+            .chain([fresh(7.0)])
+            .chain(spell(8.0))
+            .collect();
+        assert_eq!(came, [want, vec![fresh(13.0)]].concat());
     }
 
     #[test]

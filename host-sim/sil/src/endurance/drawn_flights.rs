@@ -16,6 +16,8 @@ pub struct MonteCarlo {
     pub flights: u64,
     /// Seed of the first.
     pub seed: u64,
+    /// Age of the poses, samples; drawn for each flight where there is none.
+    pub delay_samples: Option<usize>,
 }
 
 /// How a flight ended.

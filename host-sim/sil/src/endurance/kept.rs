@@ -28,7 +28,7 @@ pub enum KeptError {
     #[error("{}: another survey keeps its flights there: wait for it, or name another file", .0.display())]
     Taken(PathBuf),
     /// It is of something else.
-    #[error("{}: holds no flights of this survey (other gains, another count or seed, or another file): name another file", .0.display())]
+    #[error("{}: holds no flights of this survey (other gains, another count, seed or delay, or another file): name another file", .0.display())]
     Other(PathBuf),
 }
 
@@ -109,7 +109,11 @@ impl Kept {
 fn head(plan: &MonteCarlo) -> String {
     let gains = serde_json::to_vec(&plan.config).unwrap_or_default();
     let (flights, seed, version) = (plan.flights, plan.seed, env!("CARGO_PKG_VERSION"));
-    format!("sil {version}: {flights} flights from seed {seed}, gains {}\n", hex(&Sha256::digest(gains)))
+    let delay = plan.delay_samples.map_or(String::new(), |delay| format!(", poses {delay} samples old"));
+    format!(
+        "sil {version}: {flights} flights from seed {seed}{delay}, gains {}\n",
+        hex(&Sha256::digest(gains))
+    )
 }
 
 fn line(seed: u64, end: &End, last: &Last) -> String {
@@ -162,7 +166,7 @@ mod tests {
             // Some of its flights crash.
             law.loops.pitch.kp *= 4.0;
         }
-        let plan = MonteCarlo { flights: 8, config, seed: 40 };
+        let plan = MonteCarlo { flights: 8, config, seed: 40, delay_samples: None };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flights");
         let whole = survey(&plan, Some(&path)).unwrap();
@@ -185,7 +189,11 @@ mod tests {
                 (&whole.sha256, whole.flying, &whole.crashes)
             );
         }
-        for other in [MonteCarlo { seed: 41, ..plan }, MonteCarlo { flights: 9, ..plan }] {
+        for other in [
+            MonteCarlo { seed: 41, ..plan },
+            MonteCarlo { flights: 9, ..plan },
+            MonteCarlo { delay_samples: Some(2), ..plan },
+        ] {
             let why = survey(&other, Some(&path)).unwrap_err().to_string();
             assert!(why.contains("no flights of this survey") && why.lines().count() == 1, "{why}");
         }

@@ -141,9 +141,18 @@ pub fn drawn_fault(g: &mut Pcg64) -> Fault {
     Fault { kind, from_s, for_s }
 }
 
+impl MonteCarlo {
+    /// What its flight of this seed meets.
+    pub fn conditions(&self, seed: u64) -> Conditions {
+        let drawn = Conditions::of(seed);
+        Conditions { delay_samples: self.delay_samples.unwrap_or(drawn.delay_samples), ..drawn }
+    }
+}
+
 /// Flies those of these seeds; how each ended, and the last of its state for comparing runs bit by bit.
-fn fly(seeds: &[u64], config: &Config) -> Result<Vec<(End, Last)>, SilError> {
-    let plans: Vec<FlightPlan> = seeds.iter().map(|seed| Conditions::of(*seed).plan(config)).collect();
+fn fly(seeds: &[u64], survey: &MonteCarlo) -> Result<Vec<(End, Last)>, SilError> {
+    let plan = |seed: &u64| survey.conditions(*seed).plan(&survey.config);
+    let plans: Vec<FlightPlan> = seeds.iter().map(plan).collect();
     let last = vec![([0; 16], State::Flying); plans.len()];
     until_crash(&plans.iter().collect::<Vec<_>>(), &mut Ends { plans: &plans, last }).into_iter().collect()
 }
@@ -181,8 +190,8 @@ impl Observer for Ends<'_> {
 /// What came of them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Survey {
-    /// Flights.
-    pub flights: u64,
+    /// What was flown.
+    pub plan: MonteCarlo,
     /// Simulated time, s; a crash ends its flight.
     pub simulated_s: f64,
     /// Flights that ended in the pilot's hands, and in the supervisor's.
@@ -216,7 +225,7 @@ pub fn survey(plan: &MonteCarlo, file: Option<&Path>) -> Result<Survey, LongRunE
     let known = kept.as_ref().map_or(0, Kept::known);
     let mut digest = Sha256::new();
     let mut survey = Survey {
-        flights: plan.flights,
+        plan: *plan,
         simulated_s: 0.0,
         flying: 0,
         supervised: 0,
@@ -234,7 +243,7 @@ pub fn survey(plan: &MonteCarlo, file: Option<&Path>) -> Result<Survey, LongRunE
             let known = |place: &u64| kept.as_ref().and_then(|kept| kept.end(*place));
             let new: Vec<u64> = places.iter().filter(|place| known(place).is_none()).copied().collect();
             let seeds: Vec<u64> = new.iter().map(|place| plan.seed.wrapping_add(*place)).collect();
-            let mut flown = fly(&seeds, &plan.config)?.into_iter();
+            let mut flown = fly(&seeds, plan)?.into_iter();
             Ok(places.iter().filter_map(|place| known(place).or_else(|| flown.next())).collect::<Vec<_>>())
         };
         let places: Vec<u64> = (first..next).collect();
@@ -278,10 +287,24 @@ impl Survey {
 
 impl fmt::Display for Survey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.write(f, "")
+    }
+}
+
+impl Survey {
+    /// What is said of it; each crash with the command that flies it again, with these options beside its seed.
+    pub fn text(&self, options: &str) -> String {
+        let mut text = String::new();
+        // A string takes all that is written.
+        let _ = self.write(&mut text, options);
+        text
+    }
+
+    fn write(&self, f: &mut impl fmt::Write, options: &str) -> fmt::Result {
         /// As many are told of one by one.
         const TOLD: usize = 20;
-        let Self { flights, flying, supervised, impossible, crashes, .. } = self;
-        writeln!(f, "{flights} flights, {:.1} h simulated", self.simulated_s / 3600.0)?;
+        let Self { plan, flying, supervised, impossible, crashes, .. } = self;
+        writeln!(f, "{} flights, {:.1} h simulated", plan.flights, self.simulated_s / 3600.0)?;
         writeln!(f, "  {flying} flown as commanded to the end, {supervised} in the supervisor's hands")?;
         writeln!(f, "  {} that physics did not allow", impossible.len())?;
         for (seed, why) in impossible.iter().take(TOLD) {
@@ -290,12 +313,12 @@ impl fmt::Display for Survey {
         writeln!(f, "  {} crashes", crashes.len())?;
         for (seed, crash, at_s) in crashes.iter().take(TOLD) {
             writeln!(f, "    seed {seed}: {crash:?} after {at_s:.2} s")?;
-            writeln!(f, "      again: cargo xtask sil --monte-carlo 1 --seed {seed}")?;
+            writeln!(f, "      again: cargo xtask sil --monte-carlo 1 --seed {seed}{options}")?;
         }
         writeln!(f, "last states sha256 {}", self.sha256)?;
         writeln!(f, "memory: {}", self.memory)?;
-        if let (1, Some((seed, ..))) = (*flights, crashes.first()) {
-            writeln!(f, "{:#?}", Conditions::of(*seed))?;
+        if let (1, Some((seed, ..))) = (plan.flights, crashes.first()) {
+            writeln!(f, "{:#?}", plan.conditions(*seed))?;
         }
         Ok(())
     }
@@ -310,7 +333,8 @@ mod tests {
     /// As many as a second allows; `cargo xtask test --nightly` flies 100,000.
     #[test]
     fn a_few_hundred_flights_end_without_a_crash_and_repeat_bit_by_bit() {
-        let plan = MonteCarlo { flights: 300, config: designed_config().unwrap(), seed: 77 };
+        let plan =
+            MonteCarlo { flights: 300, config: designed_config().unwrap(), seed: 77, delay_samples: None };
         let found = survey(&plan, None).unwrap();
         assert!(found.crashes.is_empty(), "{found}");
         assert!(found.flying > 150 && found.supervised > 30, "faults are among them: {found}");
@@ -349,12 +373,25 @@ mod tests {
         if let control::gains::Law::ModelBased(law) = &mut config.law {
             law.loops.pitch.kp *= 8.0;
         }
-        let found = survey(&MonteCarlo { flights: 3, config, seed: 40 }, None).unwrap();
+        let plan = MonteCarlo { flights: 3, config, seed: 40, delay_samples: None };
+        let found = survey(&plan, None).unwrap();
         assert!(!found.holds() && found.crashes.len() == 3, "{found}");
-        let text = found.to_string();
-        assert!(text.contains("cargo xtask sil --monte-carlo 1 --seed 41"), "{text}");
+        let text = found.text(" --gains wild.toml");
+        assert!(text.contains("cargo xtask sil --monte-carlo 1 --seed 41 --gains wild.toml\n"), "{text}");
         assert_eq!(Conditions::of(41), Conditions::of(41));
         assert_ne!(Conditions::of(41), Conditions::of(42));
+    }
+
+    /// One age of the poses for all, whatever is drawn; where it is the drawn one, the flight is the same.
+    #[test]
+    fn the_delay_that_is_asked_for_is_flown() {
+        let plan =
+            MonteCarlo { flights: 1, config: designed_config().unwrap(), seed: 5, delay_samples: None };
+        let last = |delay_samples| survey(&MonteCarlo { delay_samples, ..plan }, None).unwrap().sha256;
+        let drawn = Conditions::of(plan.seed).delay_samples;
+        assert_eq!(last(Some(drawn)), last(None));
+        assert_ne!(last(Some(3 - drawn)), last(None));
+        assert_eq!(MonteCarlo { delay_samples: Some(7), ..plan }.conditions(5).delay_samples, 7);
     }
 
     /// With 1.3 kg too much it weighs 24.7 N: its rotors would have to turn at 913 rad/s, which takes

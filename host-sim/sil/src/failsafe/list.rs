@@ -126,12 +126,17 @@ const DRILLS: &[Drill] = &[
     .blind_at_most(BLIND_M_S),
     drill(
         C::PoseOld,
-        "poses 0.2 s old for good",
+        "poses 0.1 s late for good",
         Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
-        &[Fault(K::PoseOld(200_000), ALWAYS_S)],
+        &[Fault(K::PoseOld(100_000), ALWAYS_S)],
     )
     .within(BLIND_M),
-    drill(C::PoseOld, "poses 0.14 s old for good", Flies, &[Fault(K::PoseOld(140_000), ALWAYS_S)]),
+    drill(
+        C::PoseOld,
+        "poses 0.08 s late for good",
+        Short(&[(Hold, 0.1), (Flying, 0.5)]),
+        &[Fault(K::PoseOld(80_000), ALWAYS_S)],
+    ),
     drill(
         C::PoseFrozen,
         "the same pose for good",
