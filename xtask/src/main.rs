@@ -109,7 +109,7 @@ fn run(command: Command) -> anyhow::Result<ExitCode> {
             passed.arguments.extend(more);
             run_program(&Program::SIL, &passed.arguments)
         }
-        Command::Demo(passed) => run_program(&Program::DEMO, &passed.arguments),
+        Command::Demo(passed) => run_program(&Program::demo(&passed.arguments), &passed.arguments),
         Command::Flash(options) => flash::run(options),
         Command::Test(options) => test::run(&Workspace::load()?, &options),
         Command::Levels(options) => levels::run(&Workspace::load()?, &options),

@@ -29,6 +29,12 @@ pub(crate) const PARTS: &[Step] = &[
         run: damaged_inputs,
     },
     Step {
+        name: "demo",
+        about: "the first look: a program with the demonstration alone finds what is hidden in 3 flights",
+        tools: &[],
+        run: demonstrations,
+    },
+    Step {
         name: "frames",
         about: "every rotation of a signal with every wrong order of the quaternion, in every flight: they are noticed",
         tools: &[],
@@ -135,6 +141,21 @@ const SLOW_TESTS: [&str; 4] = [
 ];
 /// Folders of fuzz targets, as `cargo fuzz` lays them out.
 const FUZZ_FOLDERS: [&str; 2] = ["tests/fuzz", "proto/fuzz"];
+
+/// Seeds of the demonstrations: three effects.
+const DEMONSTRATIONS: [&str; 3] = ["3", "4", "5"];
+
+/// As `cargo xtask demo` builds and flies them.
+fn demonstrations(_: &Workspace) -> Result<Outcome> {
+    let out = tempfile::tempdir().context("no temporary folder")?;
+    let mut tally = Tally::default();
+    for seed in DEMONSTRATIONS {
+        let arguments = ["--seed".into(), seed.into(), "--out".into(), out.path().into()];
+        let line = Program::demo(&arguments).cargo_arguments(&arguments, true);
+        tally.add(&holds(cargo(line))?);
+    }
+    Ok(Outcome::Ran(tally))
+}
 
 /// The tests that damage inputs for a bounded time, for longer.
 fn damaged_inputs(_: &Workspace) -> Result<Outcome> {

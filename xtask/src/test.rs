@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result};
 
-use crate::base::process::{cargo, in_continuous_integration, output_of};
+use crate::base::process::{FIRST_LOOK, cargo, in_continuous_integration, output_of};
 use crate::base::tally::{self, SKIP_MARK, Tally};
 use crate::base::tools::{CARGO_DENY, CLIPPY, GIT, MDBOOK, NEXTEST, RUSTFMT, TYPESCRIPT};
 use crate::base::workspace::Workspace;
@@ -184,7 +184,9 @@ fn format(_: &Workspace) -> Result<Outcome> {
 fn lints(workspace: &Workspace) -> Result<Outcome> {
     let mut tally = Tally::default();
     let here = cargo(["clippy", "--workspace", "--all-targets", "--", "-D", "warnings"]);
-    for command in std::iter::once(here).chain(arm::lints(workspace)) {
+    let mut first_look = cargo(["clippy", "--package", "quadlab", "--lib", "--bins"]);
+    first_look.args(FIRST_LOOK).args(["--", "-D", "warnings"]);
+    for command in [here, first_look].into_iter().chain(arm::lints(workspace)) {
         tally.add(&holds(command)?);
     }
     Ok(Outcome::Ran(tally))

@@ -40,7 +40,7 @@ pub fn run(words: &[OsString], stop: Arc<AtomicBool>) -> Result<Ran, String> {
     let arguments =
         Arguments::try_parse_from(&words).map_err(|error| mistake(&error, words.iter().cloned()))?;
     let _within = invocation::enter(Invocation { words, stop });
-    let outcome = outcome(arguments.command).map_err(|error| with_causes(&error))?;
+    let outcome = outcome(arguments.command, Arguments::command).map_err(|error| with_causes(&error))?;
     Ok(Ran {
         text: anstream::adapter::strip_str(&outcome.text).to_string(),
         holds: outcome.holds,

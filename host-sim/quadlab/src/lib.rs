@@ -8,10 +8,20 @@
 //!
 //! Deliberately absent: mathematics (crates `model`, `sysid` and `design`) and drawing (crate `report`).
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(feature = "all-commands"),
+    allow(dead_code, reason = "what commands share is for all of them")
+)]
 
 mod cli;
+#[cfg(feature = "all-commands")]
 mod commands;
+mod demo;
+#[cfg(feature = "all-commands")]
 mod embedded;
+#[cfg(not(feature = "all-commands"))]
+mod first_look;
+#[cfg(feature = "all-commands")]
 mod lab;
 mod render;
 
@@ -19,16 +29,17 @@ use std::ffi::OsString;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, Parser};
 
 use crate::cli::colour;
 use crate::cli::output::Outcome;
-use crate::commands::{
-    add, compare, demo, design, diagnose, effects, excite, explain, ground, identify, import, init,
-    linearize, motor_map, plan, reference,
-};
+#[cfg(feature = "all-commands")]
+use crate::commands::{Command, outcome};
+#[cfg(not(feature = "all-commands"))]
+use crate::first_look::{Command, outcome};
 
 pub use crate::cli::colour::{Level, tell_to};
+#[cfg(feature = "all-commands")]
 pub use crate::embedded::{Ran, check_model, craft_to_fly, program, read_flights, run};
 
 /// Identify a quadcopter's model from flights, find where it fails, and name the physical effect it lacks.
@@ -45,32 +56,6 @@ struct Arguments {
     command: Command,
 }
 
-#[derive(Subcommand)]
-enum Command {
-    Init(init::Options),
-    Import(import::Options),
-    Lab(commands::lab::Options),
-    Identify(identify::Options),
-    Compare(compare::Options),
-    Diagnose(diagnose::Options),
-    Add(add::Options),
-    Explain(explain::Options),
-    Discover(commands::discover::Options),
-    Effects(effects::Options),
-    Demo(demo::Options),
-    Linearize(linearize::Options),
-    Export(commands::export::Options),
-    Ground(Box<ground::Options>),
-    Design(design::Options),
-    Campaign(commands::campaign::Options),
-    Fleet(Box<commands::fleet::Options>),
-    MotorMap(motor_map::Options),
-    Excite(excite::Options),
-    Plan(plan::Options),
-    #[command(hide = true)]
-    Reference(reference::Options),
-}
-
 const DOES_NOT_HOLD: u8 = 1;
 const BAD_INPUT: u8 = 2;
 
@@ -80,38 +65,12 @@ pub fn main() -> ExitCode {
         Ok(arguments) => arguments,
         Err(error) => return usage(&error),
     };
-    match outcome(arguments.command).and_then(finish) {
+    match outcome(arguments.command, Arguments::command).and_then(finish) {
         Ok(code) => code,
         Err(error) => {
             colour::error(&with_causes(&error));
             ExitCode::from(BAD_INPUT)
         }
-    }
-}
-
-fn outcome(command: Command) -> anyhow::Result<Outcome> {
-    match command {
-        Command::Init(options) => init::run(&options),
-        Command::Import(options) => import::run(&options),
-        Command::Lab(options) => commands::lab::run(&options),
-        Command::Identify(options) => identify::run(&options),
-        Command::Compare(options) => compare::run(&options),
-        Command::Diagnose(options) => diagnose::run(&options),
-        Command::Add(options) => add::run(&options),
-        Command::Explain(options) => explain::run(&options),
-        Command::Discover(options) => commands::discover::run(&options),
-        Command::Effects(options) => effects::run(&options),
-        Command::Demo(options) => demo::run(&options),
-        Command::Linearize(options) => linearize::run(&options),
-        Command::Export(options) => commands::export::run(&options),
-        Command::Ground(options) => ground::run(&options),
-        Command::Design(options) => design::run(&options),
-        Command::Campaign(options) => commands::campaign::run(&options),
-        Command::Fleet(options) => commands::fleet::run(&options),
-        Command::MotorMap(options) => motor_map::run(&options),
-        Command::Excite(options) => excite::run(&options),
-        Command::Plan(options) => plan::run(&options),
-        Command::Reference(options) => reference::run(&options, Arguments::command()),
     }
 }
 

@@ -49,8 +49,10 @@ pub use flight::{
     designed_config, fly, fly_over, flyable, for_identification,
 };
 pub use flight_computer::{
-    Emulated, Emulation, FlightComputer, FlightComputerError, Iceoryx2, InProcess, Processor, Udp, serve,
+    Emulated, Emulation, FlightComputer, FlightComputerError, InProcess, Processor, Udp,
 };
+#[cfg(feature = "shared-memory")]
+pub use flight_computer::{Iceoryx2, serve};
 pub use laboratory::{Laboratory, Radio, Room};
 pub use scenarios::{
     RequirementCheck, Scenario, ScenarioResult, Settings, Suite, Transport, page, reference,

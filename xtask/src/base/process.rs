@@ -11,28 +11,49 @@ use crate::base::workspace;
 /// Programs that run for long.
 const RELEASE: &str = "release";
 
+/// The user's program with the demonstration alone, as its manifest says.
+pub(crate) const FIRST_LOOK: [&str; 1] = ["--no-default-features"];
+
 /// A program of the workspace that a command stands for.
 pub(crate) struct Program {
     package: &'static str,
     binary: &'static str,
     /// How it is built.
     profile: &'static str,
+    /// What of it is built, where that is not all.
+    features: &'static [&'static str],
     /// Arguments before the user's.
     first: &'static [&'static str],
 }
 
 impl Program {
     /// Software in the loop.
-    pub(crate) const SIL: Self = Self { package: "sil", binary: "sil", profile: RELEASE, first: &[] };
+    pub(crate) const SIL: Self =
+        Self { package: "sil", binary: "sil", profile: RELEASE, features: &[], first: &[] };
     /// The demonstration, a command of the user's program: built as quickly as can be, since it is the first thing that anybody runs.
-    pub(crate) const DEMO: Self =
-        Self { package: "quadlab", binary: "quadlab", profile: "demo", first: &["demo"] };
+    const FIRST_LOOK: Self = Self { features: &FIRST_LOOK, ..Self::DEMO };
+    /// The demonstration with the lab and readers of every log.
+    const DEMO: Self =
+        Self { package: "quadlab", binary: "quadlab", profile: "demo", features: &[], first: &["demo"] };
     /// How often the laboratory's diagnoses are right.
-    pub(crate) const LAB: Self = Self { package: "stories", binary: "lab", profile: RELEASE, first: &[] };
+    pub(crate) const LAB: Self =
+        Self { package: "stories", binary: "lab", profile: RELEASE, features: &[], first: &[] };
     /// How often forms that no catalogue has are discovered.
-    pub(crate) const FORMS: Self = Self { package: "stories", binary: "forms", profile: RELEASE, first: &[] };
+    pub(crate) const FORMS: Self =
+        Self { package: "stories", binary: "forms", profile: RELEASE, features: &[], first: &[] };
     /// What the product finds in real flights.
-    pub(crate) const REAL: Self = Self { package: "stories", binary: "real", profile: RELEASE, first: &[] };
+    pub(crate) const REAL: Self =
+        Self { package: "stories", binary: "real", profile: RELEASE, features: &[], first: &[] };
+
+    /// The demonstration, with what these arguments of it need.
+    pub(crate) fn demo(arguments: &[OsString]) -> Self {
+        let asks_for = |option: &str| {
+            let is =
+                |word: &OsString| word.to_str().is_some_and(|word| word.split('=').next() == Some(option));
+            arguments.iter().any(is)
+        };
+        if asks_for("--flights") || asks_for("--lab") { Self::DEMO } else { Self::FIRST_LOOK }
+    }
 
     /// Name of the program.
     pub(crate) const fn binary(&self) -> &'static str {
@@ -48,7 +69,9 @@ impl Program {
         if quiet {
             line.push("--quiet".into());
         }
-        line.extend(["-p", self.package, "--bin", self.binary, "--"].map(OsString::from));
+        line.extend(["-p", self.package, "--bin", self.binary].map(OsString::from));
+        line.extend(self.features.iter().map(OsString::from));
+        line.push("--".into());
         line.extend(self.first.iter().map(OsString::from));
         line.extend_from_slice(arguments);
         line
@@ -149,8 +172,23 @@ mod tests {
             line.ends_with(&["--", "--scenario", "hover", "--quiet", "--json"].map(String::from)),
             "{line:?}"
         );
-        let line = words(&Program::DEMO, &["--help"], false);
-        assert!(line.ends_with(&["--bin", "quadlab", "--", "demo", "--help"].map(String::from)), "{line:?}");
+    }
+
+    /// Half of the program is not built before it is asked for.
+    #[test]
+    fn a_demonstration_is_built_with_what_it_needs() {
+        let line = |arguments: &[&str]| {
+            let given: Vec<OsString> = arguments.iter().map(OsString::from).collect();
+            words(&Program::demo(&given), arguments, false).join(" ")
+        };
+        let first = line(&["--seed", "4"]);
+        assert!(
+            first.ends_with("-p quadlab --bin quadlab --no-default-features -- demo --seed 4"),
+            "{first}"
+        );
+        for arguments in [&["--lab"][..], &["--flights", "mine"], &["--out", "o", "--flights=mine"]] {
+            assert!(line(arguments).contains("--bin quadlab -- demo --"), "{}", line(arguments));
+        }
     }
 
     #[test]

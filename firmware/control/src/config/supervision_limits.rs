@@ -271,7 +271,7 @@ impl Supervision {
             land_after_s: 0.4,
             cut_after_s: 1.9,
             good_for_s: 0.1,
-            oldest_s: 0.08,
+            oldest_s: 0.15,
             repeats: 3,
             jump_m: 0.5,
             speed_m_s: 3.0,

@@ -10,9 +10,9 @@
 
 use crate::dsp::trig::{sin_cos, wrap_angle};
 
-/// So many samples are kept: at 100 Hz those of 0.16 s, twice what a pose may be old by default.
+/// So many samples are kept: at 100 Hz those of the 0.15 s that a pose may be old by default, and one.
 const KEPT: usize = 16;
-/// A pose that came so much later than the quickest do, us, is late: twice what the transmission takes as a rule (thesis 5.5) ...
+/// A pose that came so much later than the quickest do, us, is late: by as much as the transmission takes as a rule (thesis 5.5) ...
 const LATE_US: u32 = 20_000;
 /// ... and for so long after it all are brought to now, us: one way or the other, not to and fro.
 const STAYS_LATE_US: u32 = 500_000;

@@ -6,9 +6,11 @@ mod crazyflie;
 mod csv;
 mod dataflash;
 mod mcap;
+#[cfg(feature = "all-formats")]
 mod parquet;
 mod ros_messages;
 mod rosbag1;
+#[cfg(feature = "all-formats")]
 mod rosbag2;
 mod telemetry;
 mod ulog;
@@ -29,6 +31,7 @@ pub(crate) use csv::decode as decode_text;
 /// Decodes the bytes of a log; `path` is for messages.
 pub fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
     match Format::of(bytes) {
+        #[cfg(feature = "all-formats")]
         Some(Format::Parquet) => parquet::decode(Bytes::copy_from_slice(bytes), path),
         _ => decode_slice(bytes, path, UNWATCHED),
     }
@@ -37,6 +40,7 @@ pub fn decode(bytes: &[u8], path: &Path) -> Result<Log, LogError> {
 /// Decodes the bytes of a log without another copy of them, and tells who watches how far it is.
 pub(crate) fn decode_watched(bytes: &Bytes, path: &Path, watch: Watch<'_>) -> Result<Log, LogError> {
     match Format::of(bytes) {
+        #[cfg(feature = "all-formats")]
         Some(Format::Parquet) => parquet::decode(bytes.clone(), path),
         _ => decode_slice(bytes, path, watch),
     }
@@ -50,7 +54,14 @@ fn decode_slice(bytes: &[u8], path: &Path, watch: Watch<'_>) -> Result<Log, LogE
         Some(Format::Blackbox) => blackbox::decode(bytes, path, &mut progress),
         Some(Format::Crazyflie) => crazyflie::decode(bytes, path),
         Some(Format::Rosbag1) => rosbag1::decode(bytes, path, &mut progress),
+        #[cfg(feature = "all-formats")]
         Some(Format::Rosbag2) => rosbag2::decode(bytes, path),
+        #[cfg(not(feature = "all-formats"))]
+        Some(Format::Rosbag2) => Err(LogError::Format {
+            path: path.into(),
+            what: "needs a program that was built with SQLite".into(),
+            mend: "build crate `logs` with its feature `all-formats`".into(),
+        }),
         Some(Format::Mcap) => mcap::decode(bytes, path, &mut progress),
         Some(Format::Csv | Format::Parquet) | None => Err(LogError::Format {
             path: path.into(),

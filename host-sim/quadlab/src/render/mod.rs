@@ -1,5 +1,6 @@
 //! Results as people read them: tables, figures and pages.
 
+#[cfg(feature = "all-commands")]
 pub(crate) mod campaign;
 pub(crate) mod design_pages;
 pub(crate) mod design_tables;
@@ -9,7 +10,9 @@ pub(crate) mod documents;
 pub(crate) mod evidence;
 pub(crate) mod excite_page;
 pub(crate) mod figures;
+#[cfg(feature = "all-commands")]
 pub(crate) mod fleet;
+#[cfg(feature = "all-commands")]
 pub(crate) mod fleet_figures;
 pub(crate) mod grid;
 pub(crate) mod import_text;

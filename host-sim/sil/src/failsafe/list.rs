@@ -126,9 +126,9 @@ const DRILLS: &[Drill] = &[
     .blind_at_most(BLIND_M_S),
     drill(
         C::PoseOld,
-        "poses 0.1 s late for good",
+        "poses 0.2 s late for good",
         Goes(&[(Hold, 0.1), (Land, 0.5), (Cut, 2.0)]),
-        &[Fault(K::PoseOld(100_000), ALWAYS_S)],
+        &[Fault(K::PoseOld(200_000), ALWAYS_S)],
     )
     .within(BLIND_M),
     drill(

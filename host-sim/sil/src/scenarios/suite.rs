@@ -1,6 +1,6 @@
 //! Flying a set of scenarios and judging them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Serialize;
 use sha2::{Digest, Sha256};
@@ -9,7 +9,9 @@ use design::analysis::{StepMetrics, step_metrics, value_at};
 
 use super::scenario::{RequirementCheck, Scenario, Settings, step_of};
 use crate::flight::{FlightPlan, Recording, SilError, fly, fly_over};
-use crate::flight_computer::{Emulation, Iceoryx2};
+use crate::flight_computer::Emulation;
+#[cfg(feature = "shared-memory")]
+use crate::flight_computer::Iceoryx2;
 
 /// Overshoot beyond which control counts as lost, per cent (as in the reference).
 const LOST_OVERSHOOT_PERCENT: f64 = 50.0;
@@ -23,9 +25,10 @@ pub enum Transport {
     /// In one process.
     InProcess,
     /// In two, over shared memory.
+    #[cfg(feature = "shared-memory")]
     Iceoryx2 {
         /// The program that serves as controller when it is started with `--controller`.
-        program: PathBuf,
+        program: std::path::PathBuf,
     },
     /// The controller on an emulated processor of the craft.
     Emulated(Emulation),
@@ -104,6 +107,7 @@ fn response(plan: &FlightPlan, recording: &Recording) -> Vec<f64> {
 fn fly_by(transport: &Transport, plan: &FlightPlan) -> Result<Recording, SilError> {
     match transport {
         Transport::InProcess => fly(plan),
+        #[cfg(feature = "shared-memory")]
         Transport::Iceoryx2 { program } => fly_over(plan, Iceoryx2::start(program, &plan.config)?),
         Transport::Emulated(emulation) => fly_over(plan, emulation.link(&plan.config)?),
     }

@@ -33,8 +33,11 @@ pub(in crate::decode) fn decompress(
     let whole = guarded(|| match compression {
         Compression::Bzip2 => read(bzip2_rs::DecoderReader::new(compressed), most, &mut bytes),
         Compression::Lz4 => read(lz4_flex::frame::FrameDecoder::new(compressed), most, &mut bytes),
+        #[cfg(feature = "all-formats")]
         Compression::Zstandard => zstd::stream::read::Decoder::with_buffer(compressed)
             .is_ok_and(|decoder| read(decoder, most, &mut bytes)),
+        #[cfg(not(feature = "all-formats"))]
+        Compression::Zstandard => false,
     });
     budget.take(bytes.len());
     Decompressed { whole: whole == Some(true), bytes }

@@ -12,5 +12,7 @@ mod reader;
 mod serialised;
 mod topics;
 
-pub(super) use definition::{Dialect, full_type_name};
+pub(super) use definition::Dialect;
+#[cfg(feature = "all-formats")]
+pub(super) use definition::full_type_name;
 pub(super) use topics::{Encoding, Topics};

@@ -16,7 +16,6 @@ use crate::cli::flights::{SetFiles, flights_in};
 use crate::cli::model_files::vehicle_of;
 use crate::cli::output::{Outcome, provenance};
 use crate::cli::terminal::Terminal;
-use crate::lab;
 use crate::render::{pages, tables};
 
 /// Run the whole workflow: identify, compare, diagnose, add, and write a page with figures.
@@ -60,9 +59,16 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
 }
 
 /// Serves the page until it is ended.
+#[cfg(feature = "all-commands")]
 fn open_lab(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
+    use crate::lab;
     lab::serve(&lab::Options { folder: folder.to_owned(), port: 0, open: !options.no_open })?;
     Ok(Outcome::done(String::new()))
+}
+
+#[cfg(not(feature = "all-commands"))]
+fn open_lab(_: &Options, folder: &Path) -> anyhow::Result<Outcome> {
+    anyhow::bail!("--lab: built without the lab; the flights are in {}", folder.display())
 }
 
 fn on_flights(options: &Options, folder: &Path) -> anyhow::Result<Outcome> {
