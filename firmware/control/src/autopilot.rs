@@ -11,8 +11,9 @@
 //! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is
 //!    not a number) counts in the next tick.
 //!
-//! Poses that come late are brought to now by the gyro (`law/carried.rs`). Without
-//! poses (thesis chapter 3 has no other position): the position is held and the attitude carried on from the last pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up
+//! Poses that come late are brought to now by the gyro (`law/carried.rs`). Without poses (thesis
+//! chapter 3 has no other position): the position is held and the attitude carried on from the last
+//! pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up
 //! to [`PoseLimits::coast_s`] the command stays; then level at the held height, with the thrust that
 //! carried the craft while it was seen (`safety/hover_thrust.rs`), which brakes it too; then down: the altitude loop sees
 //! a craft too high by [`Landing::blind_offset_m`], which takes `kp` times that off this thrust. At

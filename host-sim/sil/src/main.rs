@@ -77,7 +77,7 @@ struct Arguments {
 
     /// Fly the failsafe drills instead and print the list: each rule with a flight that sets it off
     /// and one that just does not
-    #[arg(long, conflicts_with_all = ["scenarios", "pattern", "transport", "model", "delay", "noise", "substeps", "on", "json"])]
+    #[arg(long, conflicts_with_all = OF_SCENARIOS, conflicts_with = "delay")]
     failsafes: bool,
 
     /// Fly the drills with so many seeds, beginning with --seed
@@ -86,11 +86,11 @@ struct Arguments {
 
     /// Fly one craft for so many hours of simulated time, mission after mission, and see that
     /// nothing happens and its memory does not grow
-    #[arg(long, value_name = "HOURS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model", "delay", "noise", "substeps", "on", "json", "monte_carlo"])]
+    #[arg(long, value_name = "HOURS", conflicts_with_all = OF_SCENARIOS, conflicts_with_all = ["failsafes", "monte_carlo", "delay"])]
     soak: Option<f64>,
 
     /// Fly so many flights of 15 s under conditions drawn from --seed and the seeds after it
-    #[arg(long, value_name = "FLIGHTS", conflicts_with_all = ["scenarios", "failsafes", "pattern", "transport", "model", "noise", "substeps", "on", "json"])]
+    #[arg(long, value_name = "FLIGHTS", conflicts_with_all = OF_SCENARIOS, conflicts_with = "failsafes")]
     monte_carlo: Option<u64>,
 
     /// Keep the flights of --monte-carlo in this file, and go on from those that are in it
@@ -127,6 +127,9 @@ enum Way {
     Iceoryx2,
 }
 
+/// What means something to scenarios and patterns only.
+const OF_SCENARIOS: [&str; 8] =
+    ["scenarios", "pattern", "transport", "model", "noise", "substeps", "on", "json"];
 /// The craft's ticks are counted to 2^32; a tenth of that is enough.
 const MOST_HOURS: f64 = 1000.0;
 const BAD_USAGE: u8 = 2;
