@@ -169,6 +169,8 @@ pub struct Special {
     pub aligned_with: bool,
     /// Says how rotors answer to commands, and nothing else.
     pub of_actuators: bool,
+    /// Pushes along directions of the room, whatever the heading: flights at one heading cannot tell it from what is fixed to the craft.
+    pub fixed_to_room: bool,
     /// Brakes: a coefficient above zero would accelerate the craft.
     pub brakes: bool,
     /// Seen better in accelerations, sample by sample, than in predictions over many samples.
@@ -210,6 +212,7 @@ impl Special {
         starts: Vec::new,
         aligned_with: false,
         of_actuators: false,
+        fixed_to_room: false,
         brakes: false,
         seen_by_the_sample: false,
         must_be_determined: false,

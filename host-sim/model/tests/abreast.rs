@@ -1,36 +1,13 @@
 //! Craft that are integrated side by side against each by itself: the same bits, for any craft, state and command.
 
-use model::{Abreast, Effect, Hold, Holds, Kind, LANES, Model, Plant, State, effects::CATALOGUE, frames};
-use nalgebra::Vector3;
+mod common;
+
+use common::{craft, state};
+use model::{Abreast, Effect, Hold, Holds, Kind, LANES, Model, Plant, State, effects::CATALOGUE};
 use proptest::prelude::*;
 
 /// What flies by itself only.
 const ALONE: [&str; 2] = ["slung-load", "product-of-inertia"];
-
-/// A craft of the thesis with some of the effects of the catalogue besides, by `which` bits, with coefficients of ordinary size.
-fn craft(which: u32, sizes: &[f64]) -> Model {
-    let mut model = Model::thesis();
-    let mut sizes = sizes.iter().cycle();
-    for (place, &effect) in CATALOGUE.iter().enumerate() {
-        let known = ALONE.contains(&effect.id()) || effect.info().kind == Kind::Basic;
-        if known || which >> place & 1 == 0 {
-            continue;
-        }
-        let size = |c: &model::Coefficient| sizes.next().map_or(0.0, |size| c.typical * size);
-        let values: Vec<f64> = effect.info().coefficients.iter().map(size).collect();
-        model.set(effect, &values);
-    }
-    model
-}
-
-/// Any motion, from twelve numbers between -1 and 1.
-fn state(x: &[f64]) -> State {
-    let three = |k: usize, most: f64| most * Vector3::new(x[k], x[k + 1], x[k + 2]);
-    let mut state = State::at_rest(three(0, 3.0), [0, 1, 2, 3].map(|k| 600.0 + 300.0 * x[k]));
-    state.attitude = frames::quaternion_from_euler(three(3, 1.5));
-    (state.velocity_m_s, state.rate_rad_s) = (three(6, 6.0), three(9, 8.0));
-    state
-}
 
 /// Two commands in a period of 0.01 s, the first of which may be missing, with so many steps.
 fn holds(plant: &Plant, x: &[f64], counts: [u32; 2]) -> Holds {
@@ -65,7 +42,7 @@ type Drawn = (u32, Vec<f64>, Vec<f64>, [u32; 2]);
 /// Flies craft for some periods, by themselves and side by side. `shape` limits the effects that there are.
 fn compared(shape: u32, all: &[Drawn]) -> Result<(), TestCaseError> {
     let plants: Vec<Plant> =
-        all.iter().map(|(which, sizes, ..)| Plant::new(&craft(which & shape, sizes))).collect();
+        all.iter().map(|(which, sizes, ..)| Plant::new(&craft(which & shape, sizes, &ALONE))).collect();
     let mut abreast = Abreast::new();
     let mut alone: Vec<State> = all.iter().map(|(_, _, x, _)| state(x)).collect();
     let mut together = alone.clone();
@@ -134,7 +111,7 @@ fn what_flies_by_itself_only_is_not_let_in() {
 #[test]
 fn a_lane_can_be_given_to_another_craft() {
     let sizes = [0.7; 12];
-    let (first, second) = (Plant::new(&craft(u32::MAX, &sizes)), Plant::new(&Model::thesis()));
+    let (first, second) = (Plant::new(&craft(u32::MAX, &sizes, &ALONE)), Plant::new(&Model::thesis()));
     let begin = state(&[0.3; 12]);
     let mut abreast = Abreast::new();
     abreast.enter(3, &first);

@@ -78,7 +78,7 @@ fn flights_of_ones_own_go_through_the_same_loop() {
     let folder = tempfile::tempdir().unwrap();
     let own = flights().to_str().unwrap();
     let text = done_in(folder.path(), &["demo", "--flights", own, "--out", "mine"]).replace('\n', " ");
-    assert!(text.contains("Flights split: fitted on A.csv, B.csv, C.csv; judged on D.csv, E.csv."), "{text}");
+    assert!(text.contains("Flights split: fitted on A.csv, B.csv, C.csv; held out: D.csv, E.csv."), "{text}");
     assert!(text.contains("Found: ground-effect."), "{text}");
     assert!(folder.path().join("mine/report.html").is_file());
     assert!(!folder.path().join("mine/flights").exists(), "nothing is flown");
@@ -95,7 +95,7 @@ fn other_names_are_split_as_by_the_other_commands() {
     let text = text.replace('\n', " ");
     assert!(
         text.contains(
-            "fitted on flight-A.csv, flight-C.csv, flight-D.csv; judged on flight-B.csv, flight-E.csv."
+            "fitted on flight-A.csv, flight-C.csv, flight-D.csv; held out: flight-B.csv, flight-E.csv."
         ),
         "{text}"
     );

@@ -12,7 +12,7 @@ use nalgebra::{Vector3, Vector4};
 use pattern::random::{Purpose, stream};
 use rand::RngExt;
 
-use crate::craft::{Delay, Faults, Sensors, SimulatedCraft, Team};
+use crate::craft::{Delay, Faults, SimulatedCraft, Team};
 use crate::flight::{FlightPlan, SilError};
 use crate::flight_computer::{FlightComputer, InProcess};
 
@@ -355,11 +355,8 @@ impl Episode {
         state.attitude =
             frames::quaternion_from_euler(Vector3::new(tilt.x, tilt.y, plan.start_yaw_rad + tilt.z));
         state.velocity_m_s = frames::dcm_from_quaternion(&state.attitude) * velocity;
-        let sensors = Sensors::new(&plan.model, plan.noise, period_s, seed);
-        let craft = SimulatedCraft::new(plant.clone(), plan.battery, sensors, state, period_s, plan.substeps)
-            .with_gusts(plan.gusts, seed);
         let mut new = Self {
-            craft,
+            craft: plan.craft_in(plant.clone(), state, period_s, seed),
             law,
             delay: Delay::new(plan.delay_samples),
             faults: Faults::default(),

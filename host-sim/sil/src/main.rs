@@ -71,9 +71,9 @@ struct Arguments {
     #[arg(long, hide = true, requires = "firmware")]
     same_bits: bool,
 
-    /// Runge-Kutta steps of the plant in a tick of 10 ms
-    #[arg(long, value_name = "N", default_value_t = 4, allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1000))]
-    substeps: u16,
+    /// Runge-Kutta steps of the plant in a tick of 10 ms [default: 1; 4 with a load or effects of your own]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    substeps: Option<u16>,
 
     /// Fly the failsafe drills instead and print the list: each rule with a flight that sets it off
     /// and one that just does not
@@ -194,7 +194,7 @@ fn run(arguments: &Arguments) -> anyhow::Result<ExitCode> {
         delay_samples: arguments.delay.map_or(Settings::default().delay_samples, usize::from),
         noise: (arguments.noise == Switch::On).then(NoiseModel::default),
         seed: arguments.seed,
-        substeps: u32::from(arguments.substeps),
+        substeps: arguments.substeps.map(u32::from),
     };
     if let Some(path) = &arguments.pattern {
         anyhow::ensure!(processor.is_none(), "--pattern with --on: a pattern flies on this machine");

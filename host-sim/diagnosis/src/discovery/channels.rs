@@ -182,6 +182,11 @@ impl Channel {
         }
     }
 
+    /// Whether it pushes along directions of the room, whatever the heading.
+    pub(crate) fn is_fixed_to_room(self) -> bool {
+        matches!(self, Self::Earth(0 | 1) | Self::Horizontal)
+    }
+
     /// The axes that it acts on.
     pub(crate) fn axes(self) -> &'static [Axis] {
         const FORCES: [Axis; 3] = [Axis::U, Axis::V, Axis::W];

@@ -8,6 +8,7 @@ use crate::addition::add_to;
 use crate::held_out::fit_and_validate;
 use crate::observer::{Observer, Progress};
 use crate::workflow::error::WorkflowError;
+use crate::workflow::headings::warn_of_one_heading;
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Options};
@@ -35,6 +36,7 @@ pub fn add(
     if addition.finding.supported {
         sets.judge_clocks(&better, effect);
     }
+    warn_of_one_heading(&[effect], sets, observer);
     let (model, refinement) = refine(better, sets, rows, observer)?;
     Ok(Added { model, addition, refinement })
 }

@@ -6,13 +6,14 @@ use sysid::{FaultKind, Prepared, Residuals, errors, residuals};
 
 use crate::conclusion::conclude;
 use crate::criteria::LEFT_BY_OWN_WINDS;
-use crate::finding::EffectFinding;
+use crate::finding::{EffectFinding, supported};
 use crate::not_logged::not_told;
 use crate::observer::Observer;
 use crate::options::{SLOW_S, SLOWER_S};
 use crate::other_splits::or_by_other_splits;
 use crate::reason::Dependence;
 use crate::workflow::error::WorkflowError;
+use crate::workflow::headings::warn_of_one_heading;
 use crate::workflow::loaded::names;
 use crate::workflow::sets::FlightSets;
 use crate::{Diagnosis, Options, Verdict, Why, diagnose_with};
@@ -26,7 +27,9 @@ pub fn diagnose(
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
     sets.hold_against(model, effects, observer)?;
-    search(model, sets, options, observer)
+    let diagnosis = search(model, sets, options, observer)?;
+    warn_of_one_heading(&supported(&diagnosis.effects), sets, observer);
+    Ok(diagnosis)
 }
 
 /// The evidence for and against one effect, missing from the model or in it.

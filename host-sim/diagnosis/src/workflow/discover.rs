@@ -31,6 +31,7 @@ use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::estimates::{Estimated, estimated, with_values};
 use crate::workflow::explain::{Explanation, add_what_is_found};
+use crate::workflow::headings::{warn_of_forms_at_one_heading, warn_of_one_heading};
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Options};
 
@@ -92,7 +93,8 @@ pub fn discover(
     sets.hold_against(model, own, observer)?;
     let diagnosis = search(model, sets, options, observer)?;
     let (steps, _) = add_what_is_found(model, diagnosis, sets, options, observer)?;
-    let known = steps.iter().map(|step| step.effect).collect();
+    let known: Vec<Effect> = steps.iter().map(|step| step.effect).collect();
+    warn_of_one_heading(&known, sets, observer);
     let model = steps.last().map_or(model, |step| &step.model).clone();
     discover_beyond(&model, known, sets, options, observer)
 }
@@ -143,6 +145,10 @@ fn discover_beyond(
         further = Some(candidates(&sets.train(), &rest.fit.model, &hunt.variables, observer));
     }
     let (proposals, model) = hunt.proposals(&known_fit, &mut terms, &found)?;
+    if !proposals.is_empty() {
+        let forms: Vec<Form> = terms.forms.iter().map(|term| term.form.clone()).collect();
+        warn_of_forms_at_one_heading(&forms, sets, observer);
+    }
     let left = terms.left.pop().unwrap_or_default();
     let verdict = match (proposals.is_empty(), left.is_empty()) {
         (false, _) => DiscoveryVerdict::Proposed,

@@ -13,6 +13,7 @@ use crate::unidentified::recorded;
 use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
+use crate::workflow::headings::warn_of_one_heading;
 use crate::workflow::identify::{Rotation, fit_basic, tell_scatter, warn_of_clocks};
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
@@ -121,6 +122,7 @@ pub fn explain(
         false => explanation,
     };
     warn_of_clocks(sets, observer);
+    warn_of_one_heading(&explanation.found(), sets, observer);
     (explanation.model, explanation.refinement) = refine(explanation.model, sets, rows, observer)?;
     let verdicts = explanation.verdicts();
     if let Some(record) = &mut explanation.model.fit {

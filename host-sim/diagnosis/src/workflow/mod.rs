@@ -18,6 +18,7 @@ mod error;
 mod estimates;
 mod explain;
 mod faults;
+mod headings;
 mod identify;
 mod loaded;
 mod mends;

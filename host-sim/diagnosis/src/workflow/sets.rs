@@ -99,7 +99,7 @@ impl FlightSets {
         let names = |flights: &[LoadedFlight]| -> String {
             flights.iter().map(|flight| flight.prepared.name.as_str()).collect::<Vec<_>>().join(", ")
         };
-        format!("split: fitted on {}; judged on {}", names(&self.training.0), names(&self.held_out.0))
+        format!("split: fitted on {}; held out: {}", names(&self.training.0), names(&self.held_out.0))
     }
 
     /// Takes flights that are already in memory.

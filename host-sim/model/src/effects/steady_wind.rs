@@ -26,7 +26,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "attitude-offset",
         "yaw a full turn in hover: a wind keeps its direction over the ground, a tilted attitude turns with the craft",
     )],
-    special: Special { reveals: &["linear-drag", "quadratic-drag"], ..Special::NOTHING },
+    special: Special { fixed_to_room: true, reveals: &["linear-drag", "quadratic-drag"], ..Special::NOTHING },
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -24,9 +24,9 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     axes: &[Axis::U, Axis::V],
     through: &["height"],
     coefficients: &[coefficient("shear_north"), coefficient("shear_east")],
-    excitation: "hover at heights far apart",
+    excitation: "hover at heights far apart, at two headings",
     confused_with: &[("steady-wind", "hover at very different heights: a steady wind is the same at each")],
-    special: Special::NOTHING,
+    special: Special { fixed_to_room: true, ..Special::NOTHING },
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -20,6 +20,10 @@ use crate::sample::{Constants, Sample, SampleInput, Surroundings};
 use crate::user_effects::Undefined;
 use crate::vehicle::RotorMap;
 
+/// The longest integration step of a plant whose effects are all known, s. Commands are held and rotors integrated exactly; what is left
+/// changes so slowly that a fiftieth of the step moves a craft that turns by 10 rad/s by less than 10 um in half a second.
+const LONGEST_STEP_S: f64 = 0.01;
+
 /// A control period cut into integration steps, with the rotor lag's decay over a half and a whole step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Substeps {
@@ -182,6 +186,14 @@ impl Plant {
     pub fn command_for(&self, rotor_rad_s: &[f64; 4], battery_v: f64) -> [f64; 4] {
         let beyond = self.adjust.speed_change_rad_s(battery_v);
         rotor_rad_s.map(|speed| self.map.command_for(speed - beyond, battery_v))
+    }
+
+    /// Integration steps that a period needs: more of them change a flight no more than the single precision of the law does. Effects of
+    /// users may be stiffer than those that are known here, and get four times as many.
+    pub fn enough_substeps(&self, period_s: f64) -> u32 {
+        let longest_s = if self.shape == Shape::General { LONGEST_STEP_S / 4.0 } else { LONGEST_STEP_S };
+        // A period that is a whole number of them but for rounding.
+        (period_s / longest_s - 1e-9).ceil().max(1.0) as u32
     }
 
     /// Cuts `period_s` into `count` integration steps.

@@ -220,7 +220,7 @@ impl Session {
             }
             ([], _) => return Err(Refused::new("no flight is chosen to fit on: choose one in the table")),
             (_, []) => {
-                return Err(Refused::new("no flight is held out to judge by: choose one in the table"));
+                return Err(Refused::new("no flight is held out to test the model: choose one in the table"));
             }
             _ => {}
         }

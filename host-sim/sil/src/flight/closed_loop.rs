@@ -20,7 +20,7 @@ pub struct ClosedLoop<'a, L> {
     delay: Delay<([f32; 3], [f32; 3])>,
     excitation: Option<Excitation>,
     faults: Faults,
-    /// What was answered last: what the motors go on doing while the loop stalls.
+    /// What was answered last, in a flight with faults: what the motors go on doing while the loop stalls.
     answered: Option<proto::Outcome>,
     tick: u32,
 }
@@ -96,18 +96,20 @@ impl<'a, L: FlightComputer> ClosedLoop<'a, L> {
             request: None,
             outputs_ready: true,
         };
-        let stalled =
-            !self.plan.faults.is_empty() && self.faults.distort(&self.plan.faults, time_s, &mut readings);
+        let can_fail = !self.plan.faults.is_empty();
+        let stalled = can_fail && self.faults.distort(&self.plan.faults, time_s, &mut readings);
         let outcome = match self.answered {
             Some(answered) if stalled => answered,
             _ => self.link.tick(self.tick, &readings)?,
         };
-        self.answered = Some(outcome);
         let proto::Outcome { output, supervision } = outcome;
+        let mut motors = output.pwm;
+        if can_fail {
+            self.answered = Some(outcome);
+            motors = self.faults.motors(&self.plan.faults, time_s, motors, self.plan.config.command_range);
+        }
         let truth = Truth::new(&self.craft.state, battery_v);
         let row = Row { truth, sensed, position_command_m: command.position_m, output, supervision };
-        let motors =
-            self.faults.motors(&self.plan.faults, time_s, output.pwm, self.plan.config.command_range);
         Ok(Decided { row, motors, battery_v })
     }
 
@@ -198,7 +200,7 @@ mod tests {
         let edits: [(Edit, &str); 5] = [
             (|p| p.duration_s = f64::NAN, "duration_s"),
             (|p| p.duration_s = 0.0, "duration_s"),
-            (|p| p.substeps = 0, "substeps"),
+            (|p| p.substeps = Some(0), "substeps"),
             (|p| p.start_m[1] = f64::INFINITY, "start_m"),
             (|p| p.config.sample_time_s = -0.01, "sample_time_s"),
         ];

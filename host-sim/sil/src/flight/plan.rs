@@ -39,8 +39,8 @@ pub struct FlightPlan {
     pub battery: Battery,
     /// Seed of the noise, of the gusts and of the excitation.
     pub seed: u64,
-    /// Runge-Kutta steps in a tick.
-    pub substeps: u32,
+    /// Runge-Kutta steps in a tick; absent: as many as the model needs ([`Plant::enough_substeps`]).
+    pub substeps: Option<u32>,
     /// Inertial z of a floor under the craft, m; absent: it may fall for ever.
     pub floor_m: Option<f64>,
     /// The craft stands on the floor under its start, disarmed, instead of flying.
@@ -68,7 +68,7 @@ impl FlightPlan {
             gusts: None,
             battery: Battery::constant(THESIS_BATTERY_V),
             seed: 0,
-            substeps: 4,
+            substeps: None,
             floor_m: None,
             on_the_floor: false,
             faults: Vec::new(),
@@ -137,8 +137,8 @@ impl FlightPlan {
         if !(self.duration_s >= period_s && self.duration_s <= 86_400.0) {
             return refuse("duration_s", self.duration_s.to_string(), "one tick to a day");
         }
-        if !(1..=1000).contains(&self.substeps) {
-            return refuse("substeps", self.substeps.to_string(), "1 to 1000 integration steps in a tick");
+        if let Some(substeps) = self.substeps.filter(|substeps| !(1..=1000).contains(substeps)) {
+            return refuse("substeps", substeps.to_string(), "1 to 1000 integration steps in a tick");
         }
         if self.gusts.is_some_and(|gusts| !(gusts.deviation_m_s >= 0.0 && gusts.time_s > 0.0)) {
             return refuse(
@@ -190,8 +190,15 @@ impl FlightPlan {
             state.position_ned_m.z = self.floor_m.unwrap_or(0.0);
             state.rotor_rad_s = [0.0; 4];
         }
-        let sensors = Sensors::new(&self.model, self.noise, period_s, self.seed);
-        let craft = SimulatedCraft::new(plant, self.battery, sensors, state, period_s, self.substeps);
-        Ok(craft.with_gusts(self.gusts, self.seed))
+        Ok(self.craft_in(plant, state, period_s, self.seed))
+    }
+
+    /// The craft of a plan that can be flown, with its plant, in some state, to be advanced in ticks of `period_s`; the seed is of its
+    /// noise and gusts.
+    pub(crate) fn craft_in(&self, plant: Plant, state: State, period_s: f64, seed: u64) -> SimulatedCraft {
+        let sensors = Sensors::new(&self.model, self.noise, period_s, seed);
+        let substeps = self.substeps.unwrap_or_else(|| plant.enough_substeps(period_s));
+        SimulatedCraft::new(plant, self.battery, sensors, state, period_s, substeps)
+            .with_gusts(self.gusts, seed)
     }
 }

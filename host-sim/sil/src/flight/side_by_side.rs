@@ -118,9 +118,9 @@ mod tests {
         all[5].model.set(Effect::SteadyWind, &[0.5, -0.4]);
         all[6].model.set(Effect::SlungLoad, &[0.05, 0.4, 0.05]);
         all[7].faults = vec![Fault { kind: FaultKind::MotorDead(2), from_s: 0.4, for_s: 1e9 }];
-        (all[7].floor_m, all[7].substeps) = (Some(0.0), 3);
+        (all[7].floor_m, all[7].substeps) = (Some(0.0), Some(3));
         all[8].model.set(Effect::QuadraticDrag, &[-0.1, -0.1]);
-        all[9].substeps = 0;
+        all[9].substeps = Some(0);
         all[10].model.set(Effect::MassChange, &[0.1]);
         all[11].model.set(Effect::GroundEffect, &[1.0, 0.0]);
         all

@@ -61,13 +61,13 @@ pub struct Settings {
     pub noise: Option<NoiseModel>,
     /// Seed of the noise, of the excitation, and of the tour of `excitation`.
     pub seed: u64,
-    /// Integration steps in a tick.
-    pub substeps: u32,
+    /// Integration steps in a tick; absent: as many as the model needs.
+    pub substeps: Option<u32>,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { model: None, config: None, delay_samples: 2, noise: None, seed: 1, substeps: 4 }
+        Self { model: None, config: None, delay_samples: 2, noise: None, seed: 1, substeps: None }
     }
 }
 

@@ -57,13 +57,13 @@ async function diagnosisOf(model) {
 
 /** @param {App} app */
 function start(app) {
-  const fit = app.state?.flights.filter((flight) => flight.set === "train").length ?? 0;
-  const judge = app.state?.flights.filter((flight) => flight.set === "validate").length ?? 0;
+  const training = app.state?.flights.filter((flight) => flight.set === "train").length ?? 0;
+  const heldOut = app.state?.flights.filter((flight) => flight.set === "validate").length ?? 0;
   if (app.state?.problem) return null;
   return el(
     "p",
     {},
-    `${fit} flights to fit, ${judge} to judge. Press Identify to fit the basic model, or Explain to let quadlab take all steps by itself.`,
+    `${training} training flights, ${heldOut} held out. Press Identify to fit the basic model, or Explain to let quadlab take all steps by itself.`,
   );
 }
 
@@ -134,7 +134,7 @@ function stale(app, model) {
   return el(
     "p",
     { class: "note" },
-    "This model was fitted and judged on other flights than you have chosen now. Press Identify to fit it on these.",
+    "This model has other training and held-out flights than you have chosen now. Press Identify to fit it on these.",
   );
 }
 

@@ -12,8 +12,8 @@ import { saidOf, unused } from "./used.js";
 
 /** @type {[string, string][]} */
 const SETS = [
-  ["train", "fit"],
-  ["validate", "judge"],
+  ["train", "training"],
+  ["validate", "held out"],
   ["later", "flown later"],
   ["none", "leave out"],
 ];

@@ -451,7 +451,7 @@ function wireSize() {
 }
 
 const HINTS = [
-  "On the left, choose which flights fit the model and which judge it; then press Identify.",
+  "On the left, choose which flights the model is fitted to and which are held out to test it; then press Identify.",
   "Press Diagnose: it tries every known effect and says which one the model lacks.",
   "Press Add on a card, and see the error fall beside the model before it. Going back is one click.",
 ];

@@ -35,7 +35,7 @@ export function modelTab(app, root) {
       el(
         "p",
         { class: "quiet" },
-        `Fitted on ${model.fitted_on.join(", ") || "nothing"}. Judged on ${model.judged_on.join(", ") || "nothing"}.`,
+        `Fitted on ${model.fitted_on.join(", ") || "nothing"}. Held out: ${model.judged_on.join(", ") || "nothing"}.`,
       ),
       downloads(app, model.id),
       command(app, model.command),
@@ -166,16 +166,16 @@ function errors(comparison, model, of) {
   if (!comparison) return null;
   const cell = (/** @type {any} */ one) => (one ? `${short(one.rms)} (${short(one.r2, 3)})` : "–");
   const use = (/** @type {string} */ name) =>
-    model.fitted_on.includes(name) ? "fit" : model.judged_on.includes(name) ? "judge" : "neither";
+    model.fitted_on.includes(name) ? "training" : model.judged_on.includes(name) ? "held out" : "neither";
   const rows = comparison.flights.map((/** @type {any} */ flight) => [
     flight.name,
     use(flight.name),
     ...AXES.map((axis) => cell(flight.axes?.[axis])),
   ]);
-  if (model.axes) rows.push(["all that judge", "judge", ...AXES.map((axis) => cell(model.axes?.[axis]))]);
+  if (model.axes) rows.push(["all held out", "held out", ...AXES.map((axis) => cell(model.axes?.[axis]))]);
   return table(
     `Root mean square error (and R²) of each flight, ${of}`,
-    ["flight", "used to", ...AXES.map((axis) => withUnit(axis, axisUnit(axis)))],
+    ["flight", "set", ...AXES.map((axis) => withUnit(axis, axisUnit(axis)))],
     rows,
   );
 }

@@ -110,7 +110,7 @@ function marks(model) {
   const verdict = model.verdict && el("span", {}, VERDICTS[model.verdict] ?? model.verdict);
   return el(
     "p",
-    { class: "marks", title: `Fitted on ${model.fitted_on.join(", ")}; judged on ${model.judged_on.join(", ")}` },
+    { class: "marks", title: `Fitted on ${model.fitted_on.join(", ")}; held out: ${model.judged_on.join(", ")}` },
     [el("span", { class: "quiet" }, `model ${model.id}`), supported, verdict],
   );
 }

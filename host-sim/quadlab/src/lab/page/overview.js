@@ -23,7 +23,7 @@ export function flightOverview(app, root) {
         {},
         app.state?.problem
           ? "There is no model yet. What it takes is said on the right."
-          : "There is no model yet. Choose on the left which flights fit the model and which judge it, then press Identify.",
+          : "There is no model yet. Choose on the left the training flights and the held-out ones, then press Identify.",
       ),
       flight && el("h3", {}, flight.name),
       flight &&

@@ -14,8 +14,8 @@ import { saveButtons } from "./save.js";
 
 /** How flights of a use are marked. @type {Record<Use, {symbol: string, sign: string, colour: string, text: string}>} */
 const MARKS = {
-  train: { symbol: "circle", sign: "●", colour: "predicted", text: "fit" },
-  validate: { symbol: "circle-open", sign: "○", colour: "measured", text: "judge" },
+  train: { symbol: "circle", sign: "●", colour: "predicted", text: "training" },
+  validate: { symbol: "circle-open", sign: "○", colour: "measured", text: "held out" },
   later: { symbol: "diamond", sign: "◆", colour: "residual", text: "flown later" },
   none: { symbol: "x-thin-open", sign: "×", colour: "quiet", text: "left out" },
 };
