@@ -59,6 +59,12 @@ pub(crate) const PARTS: &[Step] = &[
         run: flood,
     },
     Step {
+        name: "hang",
+        about: "the craft's program is killed, or hangs: with the usual patience, its motors are idle within 100 ms",
+        tools: &[],
+        run: hang,
+    },
+    Step {
         name: "advisories",
         about: "no dependency has a known fault or nobody who maintains it",
         tools: &[&CARGO_DENY],
@@ -157,12 +163,13 @@ fn demonstrations(_: &Workspace) -> Result<Outcome> {
     Ok(Outcome::Ran(tally))
 }
 
-/// The tests that damage inputs for a bounded time, for longer.
+/// The tests that damage inputs for a bounded time, for longer: so many cases as `QUADLAB_FUZZ_CASES` says, where it is set.
 fn damaged_inputs(_: &Workspace) -> Result<Outcome> {
+    let cases = std::env::var("QUADLAB_FUZZ_CASES").unwrap_or_else(|_| CASES.to_string());
     let of = |test: &str, filter: &[&str]| {
         let line = ["test", "--workspace", "--test", test, "--no-fail-fast", "--", "--show-output"];
         let mut command = cargo([&line[..], filter].concat());
-        command.env("QUADLAB_FUZZ_CASES", CASES.to_string());
+        command.env("QUADLAB_FUZZ_CASES", &cases);
         command
     };
     let mut tally = Tally::default();
@@ -209,15 +216,18 @@ fn full_disks(_: &Workspace) -> Result<Outcome> {
 
 /// The drill of the usual tests, with nothing beside it.
 fn flood(_: &Workspace) -> Result<Outcome> {
-    let mut drill = cargo([
-        "test",
-        "--workspace",
-        "--test",
-        "whole",
-        "--",
-        "a_flood_costs_the_pilot_nothing",
-        "--show-output",
-    ]);
+    alone("a_flood_costs_the_pilot_nothing")
+}
+
+/// The same of a program that ends.
+fn hang(_: &Workspace) -> Result<Outcome> {
+    alone("a_loop_that_")
+}
+
+/// Tests of the craft's program by a part of their names, one after the other, with nothing beside them.
+fn alone(name: &str) -> Result<Outcome> {
+    let line = ["test", "--workspace", "--test", "whole", "--", name, "--test-threads", "1", "--show-output"];
+    let mut drill = cargo(line);
     drill.env("QUADLAB_ALONE", "1");
     Ok(Outcome::Ran(harness(drill)?))
 }
