@@ -29,8 +29,8 @@ fn difference(coarse: &State, fine: &State) -> [f64; 3] {
     ]
 }
 
-/// A craft with each effect of the catalogue besides the thesis', of either sign, that turns by 5 to 14 rad/s. What the sensors of a
-/// flight tell apart is 1e-4 m, 1e-3 rad and 1e-2 rad/s; what the law does is 1e-7 of a metre.
+/// A craft with each effect of the catalogue besides the thesis', of either sign, that turns by 5 to 14 rad/s. The noise of a
+/// flight's sensors is some 3e-4 m, 1e-3 rad and 1e-2 rad/s.
 #[test]
 fn enough_steps_are_enough_for_every_effect() {
     let mut worst = [0.0_f64; 3];

@@ -71,7 +71,7 @@ struct Arguments {
     #[arg(long, hide = true, requires = "firmware")]
     same_bits: bool,
 
-    /// Runge-Kutta steps of the plant in a tick of 10 ms [default: 1; 4 with a load or effects of your own]
+    /// Runge-Kutta steps of the plant in a tick of 10 ms [default: 1; 4 with a load, a product of inertia or effects of your own]
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u16).range(1..=1000))]
     substeps: Option<u16>,
 

@@ -35,8 +35,8 @@ pub fn add(
     let (better, addition) = join(model, effect, sets, &Options::default(), observer)?;
     if addition.finding.supported {
         sets.judge_clocks(&better, effect);
+        warn_of_one_heading(&[effect], sets, observer);
     }
-    warn_of_one_heading(&[effect], sets, observer);
     let (model, refinement) = refine(better, sets, rows, observer)?;
     Ok(Added { model, addition, refinement })
 }
