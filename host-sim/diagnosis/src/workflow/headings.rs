@@ -35,9 +35,12 @@ fn warn_of(found: &[&str], sets: &FlightSets, observer: &dyn Observer) {
 }
 
 fn one_heading(found: &[&str], flights: &[&Prepared]) -> Option<String> {
+    if found.is_empty() {
+        return None;
+    }
     let stretches = flights.iter().flat_map(|flight| &flight.stretches);
     let spread_rad = spread_rad(stretches.flat_map(|stretch| &stretch.euler_rad[2]));
-    (!found.is_empty() && spread_rad < LEAST_SPREAD_RAD).then(|| {
+    (spread_rad < LEAST_SPREAD_RAD).then(|| {
         format!(
             "flights: all at one heading (to {} deg), so {} may be fixed to the craft and not to the room, such as a tracked attitude \
              that leans; to tell, fly the same patterns at a heading 90 deg away",
