@@ -41,8 +41,8 @@ impl FlightSets {
         let all: Vec<&LoadedFlight> = self.training.loaded().iter().chain(self.held_out.loaded()).collect();
         self.faults.add_of_likeness(model, &all, Likeness::SAME);
         self.recall_weather(model);
-        self.align_training(model);
-        self.align_held_out(model);
+        let aligned = self.align_training(model);
+        self.align_held_out(aligned.as_ref().unwrap_or(model));
         Ok(())
     }
 
@@ -56,11 +56,13 @@ impl FlightSets {
         }
     }
 
-    /// Aligns the training flights with each other and finds their trim.
-    pub(crate) fn align_training(&mut self, model: &Model) {
+    /// Aligns the training flights with each other and finds their trim. Returns the model that held-out flights are aligned to,
+    /// where it is not the one that is fitted.
+    pub(crate) fn align_training(&mut self, model: &Model) -> Option<Model> {
         let mut train = prepared(&mut self.training.0);
-        sysid::align(&mut train, model);
+        let aligned = sysid::align(&mut train, model);
         sysid::fit::trim::estimate(&mut train, model);
+        aligned
     }
 
     /// Finds the training flights' trim anew, with what has joined the model.

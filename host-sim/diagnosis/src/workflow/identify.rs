@@ -73,17 +73,17 @@ pub(crate) fn fit_basic(
     }
     observer.progress(Progress { activity: "fitting the basic model", steps: None });
     let basic: Vec<Effect> = Effect::basic().collect();
-    sets.align_training(&basic_model(vehicle));
+    let aligned = sets.align_training(&basic_model(vehicle));
     let mut fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|why| sets.blame(why))?;
-    sets.align_held_out(&fit.model);
+    sets.align_held_out(aligned.as_ref().unwrap_or(&fit.model));
     let rotation_refused = doubts(&fit.model, sets, rotation, observer)?;
     if !rotation_refused.is_empty() {
         let forces = sysid::without_rotation(&basic);
         fit = sysid::fit(&sets.train(), vehicle, &forces, None).map_err(|why| sets.blame(why))?;
         sets.align_training(&fit.model);
+        sets.align_held_out(&fit.model);
     }
     let mut model = fit.model;
-    sets.align_held_out(&model);
     model.fit = Some(sets.record_without_scatter(&model, rotation_refused));
     let motors = sysid::motors_of_flights(&model, &sets.train());
     warn(&model, &motors, observer);

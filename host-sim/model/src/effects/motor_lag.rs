@@ -29,6 +29,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     )],
     special: Special {
         of_actuators: true,
+        aligned_with: true,
         // A lag that was never known has not changed: what shows was missing all along.
         can_come_about: |vehicle| vehicle.motors.lag.is_some(),
         requirement: Some(CAN_BE_TIMED),

@@ -9,7 +9,9 @@
 //! linear coefficients, which they share, and with a constant of each flight in the rotor rows; a held-out flight by itself
 //! with the coefficients as they are. Yaw is sharpest where rotor speeds were measured: the torque of the
 //! rotors' own acceleration turns by a quarter period what the reaction torque does, so `rotor-inertia` (and
-//! `flapping-moment`, which would otherwise lean on the motors) is fitted along for the alignment alone.
+//! `flapping-moment`, which would otherwise lean on the motors) is fitted along for the alignment alone. Where commands
+//! were logged, so is the lag of the rotors (`motor-lag`): one that the model has wrong delays slow motions more than quick
+//! ones, and a flight that moves in another way than the others would seem to have another clock.
 //!
 //! **Clock or physics?** A measured rotor speed acts at once: any offset is a fault of the log's clock. A command acts
 //! late for physical reasons, the same in every flight of the craft (`input-delay`, `motor-lag`): only what a flight
@@ -28,7 +30,7 @@ use crate::fit::gauss_newton::{self, Linearised, Problem, Rule};
 use crate::fit::least_squares::RowColumn;
 use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
 use crate::fit::linearise::{About, residuals_at_rows};
-use crate::fit::parameters::store;
+use crate::fit::parameters::{step_end, store};
 use crate::fit::rotation::has_rotation;
 use crate::fit::swing::Known;
 use crate::fit::terms::coefficient_count;
@@ -69,27 +71,29 @@ pub enum Reference {
 }
 
 /// Aligns flights to fit on, together: the linear effects of `model` and everything its linear coefficients are fitted
-/// with, its adjusting effects as they are. Flights that do not determine the model are left alone: the fit says why.
-pub fn align(flights: &mut [&mut Prepared], model: &Model) {
+/// with, its adjusting effects as they are, but for the lag of rotors whose commands were logged. Flights that do not
+/// determine the model are left alone: the fit says why.
+///
+/// Returns the model that such commands of other flights are aligned to ([`align_to`]): fitted with the lag that these show.
+pub fn align(flights: &mut [&mut Prepared], model: &Model) -> Option<Model> {
     if !has_rotation(model) {
-        return leave_alone(flights);
+        leave_alone(flights);
+        return None;
     }
     let linear: Vec<Effect> =
         model.effects().into_iter().filter(|e| e.info().kind != Kind::Adjusting).collect();
     let measured = flights.iter().all(|f| f.has_rotor_speeds());
     let mut along = linear.clone();
-    if measured {
-        along.extend(fitted_beside().filter(|e| !linear.contains(e)));
-    }
+    along.extend(fitted_beside(measured).filter(|e| !linear.contains(e)));
     let found =
         offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear));
-    match found {
-        Ok((offsets, fitted)) => {
-            decide(flights, &offsets, Reference::Flights);
-            flights.iter_mut().for_each(|flight| name_wandering(flight, &fitted));
-        }
-        Err(_) => leave_alone(flights),
-    }
+    let Ok((offsets, fitted)) = found else {
+        leave_alone(flights);
+        return None;
+    };
+    decide(flights, &offsets, Reference::Flights);
+    flights.iter_mut().for_each(|flight| name_wandering(flight, &fitted));
+    (!measured).then_some(fitted)
 }
 
 /// Without rotation there is nothing sharp to see an offset by.
@@ -179,11 +183,18 @@ pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
 struct Offset {
     late_s: f64,
     variance_s2: f64,
+    /// Covariance with the other flights' offsets: part of an error that they all have, and that says nothing of how they differ.
+    shared_s2: f64,
 }
 
 impl Offset {
     /// Before anything was found.
-    const UNKNOWN: Self = Self { late_s: 0.0, variance_s2: f64::INFINITY };
+    const UNKNOWN: Self = Self { late_s: 0.0, variance_s2: f64::INFINITY, shared_s2: 0.0 };
+
+    /// Variance of what is the flight's own.
+    fn own_variance_s2(&self) -> f64 {
+        self.variance_s2 - self.shared_s2
+    }
 }
 
 /// Writes into each flight what is to be corrected.
@@ -196,17 +207,18 @@ fn decide(flights: &mut [&mut Prepared], offsets: &[Offset], reference: Referenc
     };
     // The median of n normal deviates varies by pi / 2n of their variance.
     let count = commanded().count().max(1) as f64;
-    let common_variance =
-        commanded().map(|(_, o)| o.variance_s2).sum::<f64>() / count * std::f64::consts::FRAC_PI_2 / count;
+    let common_variance = commanded().map(|(_, o)| o.own_variance_s2()).sum::<f64>() / count
+        * std::f64::consts::FRAC_PI_2
+        / count;
     for (flight, offset) in flights.iter_mut().zip(offsets) {
         let measured = flight.has_rotor_speeds();
-        let (from_s, from_variance) = match (measured, common_s) {
-            (true, _) => (0.0, 0.0),
-            (false, Some(common)) => (common, common_variance),
-            (false, None) => (offset.late_s, 0.0),
+        let (from_s, variance) = match (measured, common_s) {
+            (true, _) => (0.0, offset.variance_s2),
+            (false, Some(common)) => (common, offset.own_variance_s2() + common_variance),
+            (false, None) => (offset.late_s, offset.variance_s2),
         };
         let late_s = offset.late_s - from_s;
-        let std_error_s = (offset.variance_s2 + from_variance).sqrt();
+        let std_error_s = variance.sqrt();
         // Coefficients that were fitted with a dead time unsettled judge no clock.
         let settled = measured
             || reference == Reference::Flights
@@ -227,36 +239,74 @@ fn try_offset(flight: &mut Prepared, late_s: f64) {
     flight.alignment = Some(Alignment { late_s, std_error_s: 0.0, corrected: true, wandering: Vec::new() });
 }
 
-/// Offsets of flights that share the linear coefficients of `effects`.
+/// Offsets of flights that share the coefficients of `effects`.
 fn offsets_together(
     flights: &mut [&mut Prepared],
     model: &Model,
     effects: &[Effect],
 ) -> Result<(Vec<Offset>, Model), Unidentifiable> {
     let mut model = model.clone();
-    let linear: usize = effects.iter().map(|e| coefficient_count(*e)).sum();
+    let is_adjusting = |effect: &Effect| effect.info().kind == Kind::Adjusting;
+    let (adjusting, linear): (Vec<Effect>, Vec<Effect>) = effects.iter().partition(|e| is_adjusting(e));
+    for effect in &adjusting {
+        if !model.has(*effect) {
+            model.set(*effect, &vec![0.0; effect.info().coefficients.len()]);
+        }
+    }
     for flight in flights.iter_mut() {
         flight.alignment = None;
     }
     // Coefficients to begin with: without them nothing follows from a shift.
-    let plain: Vec<FlightRows> = flights.iter().map(|f| rows(f, &model, effects, Vec::new())).collect();
-    let start = least_squares::solve(&plain, &vec![None; linear])?;
-    store(&mut model, effects, start.value.as_slice());
+    let plain: Vec<FlightRows> = flights.iter().map(|f| rows(f, &model, &linear, Vec::new())).collect();
+    let start = least_squares::solve(&plain, &vec![None; count_of(&linear)])?;
+    store(&mut model, &linear, start.value.as_slice());
     let offsets = vec![Offset::UNKNOWN; flights.len()];
-    let mut problem = Together { flights, model, effects, linear, offsets };
+    let mut problem = Together { flights, model, linear, adjusting, offsets };
     // The best there is where they do not settle: their errors say how good that is.
     gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?;
     Ok((problem.offsets, problem.model))
+}
+
+fn count_of(effects: &[Effect]) -> usize {
+    effects.iter().map(|effect| effect.info().coefficients.len()).sum()
 }
 
 /// Flights whose offsets are looked for with coefficients that they share.
 struct Together<'a, 'b> {
     flights: &'a mut [&'b mut Prepared],
     model: Model,
-    effects: &'a [Effect],
-    /// How many coefficients they share.
-    linear: usize,
+    /// What they share, by columns of its own ...
+    linear: Vec<Effect>,
+    /// ... and by steps of its coefficients.
+    adjusting: Vec<Effect>,
     offsets: Vec<Offset>,
+}
+
+impl Together<'_, '_> {
+    /// Adds steps to the coefficients of the adjusting effects. Whether all are small.
+    fn adjust(&mut self, steps: &[f64]) -> bool {
+        let period_s = self.flights.first().map_or(0.0, |flight| flight.period_s);
+        let longest_s = LONGEST_STEP_SAMPLES * period_s;
+        let mut steps = steps.iter();
+        let mut are_small = true;
+        for effect in &self.adjusting {
+            let term = self.model.terms.iter_mut().find(|term| term.effect == *effect);
+            let coefficients = term.into_iter().flat_map(|term| &mut term.coefficients);
+            for ((coefficient, info), step) in coefficients.zip(effect.info().coefficients).zip(&mut steps) {
+                let step = step.clamp(-longest_s, longest_s);
+                are_small &= step.abs() < CONVERGED_SAMPLES * period_s;
+                coefficient.value = step_end(coefficient.value, step, info);
+            }
+        }
+        are_small
+    }
+
+    /// What a flight's error has in common with those of the others, s^2.
+    fn shared_s2(&self, solution: &Solution, first: usize, flight: usize) -> f64 {
+        let others = self.flights.len().saturating_sub(1).max(1) as f64;
+        let with = |other: usize| solution.covariance[(first + flight, first + other)];
+        (0..self.flights.len()).filter(|other| *other != flight).map(with).sum::<f64>() / others
+    }
 }
 
 impl Problem for Together<'_, '_> {
@@ -266,14 +316,15 @@ impl Problem for Together<'_, '_> {
     fn linearise(&mut self) -> Result<Linearised, Unidentifiable> {
         let count = self.flights.len();
         let shifted = self.flights.iter().enumerate().map(|(i, flight)| {
-            let [shift, constants] = own_columns(flight, &self.model);
+            let [mut timing, constants] = columns_of(flight, &self.model, &self.adjusting);
+            let shift = timing.split_off(count_of(&self.adjusting));
             let place = |own: Vec<RowColumn>| -> Vec<RowColumn> {
                 let width = own.len();
                 let mut all = vec![RowColumn::default(); width * count];
                 all.splice(i * width..(i + 1) * width, own);
                 all
             };
-            rows(flight, &self.model, self.effects, [place(shift), place(constants)].concat())
+            rows(flight, &self.model, &self.linear, [timing, place(shift), place(constants)].concat())
         });
         Ok(Linearised::without_priors(shifted.collect()))
     }
@@ -283,23 +334,31 @@ impl Problem for Together<'_, '_> {
     }
 
     fn step(&mut self, _: Linearised, solution: Solution) -> Result<ControlFlow<()>, Unidentifiable> {
-        store(&mut self.model, self.effects, &solution.value.as_slice()[..self.linear]);
-        let mut is_settled = true;
-        for (i, flight) in self.flights.iter_mut().enumerate() {
-            let (at, offset) = (self.linear + i, &mut self.offsets[i]);
+        let (linear, adjusting) = (count_of(&self.linear), count_of(&self.adjusting));
+        let first = linear + adjusting;
+        store(&mut self.model, &self.linear, &solution.value.as_slice()[..linear]);
+        let mut is_settled = self.adjust(&solution.value.as_slice()[linear..first]);
+        for i in 0..self.flights.len() {
+            let (at, shared_s2) = (first + i, self.shared_s2(&solution, first, i));
+            let (flight, offset) = (&mut self.flights[i], &mut self.offsets[i]);
             // A later rotor is a log whose samples come earlier.
             let step = limited(-solution.value[at], offset.late_s, flight.period_s);
             is_settled &= step.abs() < CONVERGED_SAMPLES * flight.period_s;
-            *offset = Offset { late_s: offset.late_s + step, variance_s2: solution.covariance[(at, at)] };
+            let variance_s2 = solution.covariance[(at, at)];
+            *offset = Offset { late_s: offset.late_s + step, variance_s2, shared_s2 };
             try_offset(flight, offset.late_s);
         }
         Ok(if is_settled { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
 }
 
-/// Effects that pass for an offset of the clocks where they are left out.
-fn fitted_beside() -> impl Iterator<Item = Effect> {
-    let all: Vec<Effect> = Effect::all().filter(|effect| effect.info().special.aligned_with).collect();
+/// Effects that pass for an offset of the clocks where they are left out: of rotors whose speeds were measured, or of commands.
+fn fitted_beside(measured: bool) -> impl Iterator<Item = Effect> {
+    let is_one = |effect: &Effect| {
+        let special = &effect.info().special;
+        special.aligned_with && special.of_actuators != measured
+    };
+    let all: Vec<Effect> = Effect::all().filter(is_one).collect();
     // The last of the catalogue first: the order of columns decides how sums are rounded.
     all.into_iter().rev()
 }
@@ -313,7 +372,7 @@ fn limited(step_s: f64, late_s: f64, period_s: f64) -> f64 {
 /// The offset of a flight under a model whose coefficients stay, constants of the flight aside.
 fn offset_alone(flight: &mut Prepared, model: &Model) -> Result<Offset, Unidentifiable> {
     let along = if flight.has_rotor_speeds() {
-        fitted_beside().filter(|e| !model.has(*e)).collect()
+        fitted_beside(true).filter(|e| !model.has(*e)).collect()
     } else {
         Vec::new()
     };
@@ -366,7 +425,8 @@ impl Problem for Alone<'_> {
             .collect();
         store(&mut self.model, self.along, &own);
         let step = limited(-solution.value[0], self.offset.late_s, self.flight.period_s);
-        self.offset = Offset { late_s: self.offset.late_s + step, variance_s2: solution.covariance[(0, 0)] };
+        let variance_s2 = solution.covariance[(0, 0)];
+        self.offset = Offset { late_s: self.offset.late_s + step, variance_s2, shared_s2: 0.0 };
         let is_settled = step.abs() < CONVERGED_SAMPLES * self.flight.period_s;
         Ok(if is_settled { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     }
@@ -374,8 +434,14 @@ impl Problem for Alone<'_> {
 
 /// Columns of a flight alone: what a later rotor does, and a constant in each row that feels the rotors.
 fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
+    columns_of(flight, model, &[])
+}
+
+/// The same, after those of effects that all flights share.
+fn columns_of(flight: &Prepared, model: &Model, adjusting: &[Effect]) -> [Vec<RowColumn>; 2] {
     let stride = flight.fit_stride();
-    let shift = About::new(flight, model, (&[], &[Effect::InputDelay]), stride, &Known::default()).columns;
+    let timing = [adjusting, &[Effect::InputDelay]].concat();
+    let timing = About::new(flight, model, (&[], &timing), stride, &Known::default()).columns;
     // Rotors that never change speed leave the shift without a column.
     let count = flight.row_samples_of_conditions().len();
     let constants = ROTOR_ROWS
@@ -385,7 +451,7 @@ fn own_columns(flight: &Prepared, model: &Model) -> [Vec<RowColumn>; 2] {
             column
         })
         .collect();
-    [shift, constants]
+    [timing, constants]
 }
 
 /// Rows of a flight with the columns of `effects` and more.

@@ -57,7 +57,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR", default_value = "out/lab")]
     pub(crate) out: PathBuf,
 
-    /// Write the flights of wrong answers into folders of their own, for `quadlab explain`
+    /// Write the flights of wrong answers, and of coefficients that come out far from the truth, into folders of their own, for
+    /// `quadlab explain`
     #[arg(long)]
     pub(crate) keep_failures: bool,
 

@@ -94,7 +94,8 @@ fn all(trials: &[Trial]) -> Vec<Outcome> {
 }
 
 fn keep_failures(arguments: &Arguments, outcomes: &[Outcome]) -> anyhow::Result<()> {
-    for outcome in outcomes.iter().filter(|outcome| !outcome.is_right()) {
+    let is_kept = |outcome: &&Outcome| !outcome.is_right() || score::farthest(outcome).is_some();
+    for outcome in outcomes.iter().filter(is_kept) {
         let folder = arguments.out.join("failures").join(outcome.trial.folder_name());
         let Ok((world, flights)) = trial::fly(&outcome.trial) else { continue };
         world

@@ -172,16 +172,23 @@ impl Scores {
     }
 }
 
+/// The coefficient of a trial that came out farthest from the truth, where one came out far.
+pub(crate) fn farthest(outcome: &Outcome) -> Option<&Distance> {
+    let farthest = outcome.coefficients.iter().max_by(|a, b| size(a).total_cmp(&size(b)))?;
+    (size(farthest) > FAR).then_some(farthest)
+}
+
+fn size(distance: &Distance) -> f64 {
+    distance.errors.abs()
+}
+
 /// The farthest coefficient of every trial that has one.
 fn far(outcomes: &[Outcome]) -> Vec<Far> {
-    let size = |distance: &Distance| distance.errors.abs();
     let mut far: Vec<Far> = outcomes
         .iter()
         .filter_map(|outcome| {
-            let farthest = outcome.coefficients.iter().max_by(|a, b| size(a).total_cmp(&size(b)))?;
-            Some(Far { trial: outcome.trial.clone(), distance: farthest.clone() })
+            Some(Far { trial: outcome.trial.clone(), distance: farthest(outcome)?.clone() })
         })
-        .filter(|far| size(&far.distance) > FAR)
         .collect();
     far.sort_by(|a, b| size(&b.distance).total_cmp(&size(&a.distance)));
     far
