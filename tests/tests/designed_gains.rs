@@ -8,7 +8,10 @@ use control::supervision_limits::Fence;
 use design::analysis::{Study, commanded};
 use design::loops::{LOOPS, LoopName, View};
 use model::{Battery, Model};
-use sil::{FlightPlan, NoiseModel, Scenario, ScenarioResult, Settings, StepAxis, fly};
+use sil::{
+    Fault, FaultKind, FlightPlan, NoiseModel, Recording, Scenario, ScenarioResult, Settings, StepAxis,
+    drills, fly,
+};
 
 /// The default design on the thesis' vehicle, as the file in the tree has it (crate `design` tests
 /// that it comes out so).
@@ -236,4 +239,38 @@ fn the_steady_tilt_is_where_holding_ends() {
     let (complete, tilt, _, z_m, saturated) = flown(1.25);
     let kept = complete && (tilt - 1.25).abs() < 0.05 && (z_m + 1.0).abs() < 1.0;
     assert!(!kept && saturated > 0, "{tilt}, {z_m} m, {saturated} ticks");
+}
+
+/// A flight of the drills, 0 to 2 for hover, climb and pattern, in which all poses are so late from the drill's moment on.
+fn flown_with_late_poses(flight: usize, late_us: u32, config: &Config) -> Recording {
+    let drill = drills().iter().find(|drill| drill.name == "poses 0.2 s late for good").unwrap();
+    let (mut plan, _) = drill.plan(flight, 1, config);
+    plan.faults.iter_mut().for_each(|fault: &mut Fault| fault.kind = FaultKind::PoseOld(late_us));
+    fly(&plan).unwrap()
+}
+
+/// The fastest that the craft goes down, m/s.
+fn fastest_down_m_s(recording: &Recording) -> f64 {
+    let down_m = |row: &sil::Row| f64::from(row.truth.position_m[2]);
+    let speed = |pair: &[sil::Row]| (down_m(&pair[1]) - down_m(&pair[0])) / recording.period_s;
+    recording.rows.windows(2).map(speed).fold(0.0, f64::max)
+}
+
+/// Later than its altitude loop bears (0.11 s), the designed craft swings up and down, and flies or lands. If such poses were refused, its
+/// motors would be cut without any after 1.9 s, and it would fall: a late pose is better than none.
+#[test]
+fn poses_later_than_the_altitude_loop_bears_are_better_than_none() {
+    let using = designed();
+    let mut refusing = using;
+    refusing.supervision.pose.oldest_s = 0.11;
+    for flight in 0..3 {
+        for late_us in [115_000, 130_000, 145_000] {
+            let [with, without] = [using, refusing]
+                .map(|config| fastest_down_m_s(&flown_with_late_poses(flight, late_us, &config)));
+            println!(
+                "flight {flight}, {late_us} us late: down at {with:.1} m/s, without them at {without:.1} m/s"
+            );
+            assert!(without > 3.0 && with < without, "flight {flight}, {late_us} us: {with} {without}");
+        }
+    }
 }
