@@ -191,9 +191,9 @@ impl Offset {
     /// Before anything was found.
     const UNKNOWN: Self = Self { late_s: 0.0, variance_s2: f64::INFINITY, shared_s2: 0.0 };
 
-    /// Variance of what is the flight's own.
+    /// Variance of what is the flight's own. One that is much sharper than the others shares more with them than it has.
     fn own_variance_s2(&self) -> f64 {
-        self.variance_s2 - self.shared_s2
+        (self.variance_s2 - self.shared_s2).max(0.0)
     }
 }
 
@@ -532,6 +532,26 @@ mod tests {
         model.terms.retain(|term| term.effect != Effect::RotorMoments);
         align_to(&model, &mut [&mut flight], Reference::Model(None));
         assert_eq!(flight.alignment, None);
+    }
+
+    /// A lag that is not known moves all offsets alike: what two flights differ by is as sharp as without that.
+    #[test]
+    fn an_error_that_all_offsets_share_says_nothing_of_their_differences() {
+        let mut flights = [7, 8, 9].map(|seed| prepared(&fly(&truth(), seed, 8.0, &NONE)));
+        let mut std_error_s = |shared_s2: f64, variance_s2: f64| {
+            let offsets = [0.0, 0.0, 0.01].map(|late_s| Offset { late_s, variance_s2, shared_s2 });
+            let mut all: Vec<&mut Prepared> = flights.iter_mut().collect();
+            decide(&mut all, &offsets, Reference::Flights);
+            let alignment = all[2].alignment.as_ref().unwrap();
+            assert!((alignment.late_s - 0.01).abs() < 1e-12);
+            (alignment.std_error_s, alignment.corrected)
+        };
+        let (alone, corrected) = std_error_s(0.0, 1e-6);
+        assert!(corrected && (alone - 1e-3 * (1.0 + std::f64::consts::PI / 6.0).sqrt()).abs() < 1e-12);
+        assert!((std_error_s(1e-4, 1.01e-4).0 / alone - 1.0).abs() < 1e-9);
+        assert!(!std_error_s(0.0, 1.01e-4).1);
+        // Rounding, or one offset that is much sharper than those it is compared with.
+        assert_eq!(std_error_s(2e-6, 1e-6).0, 0.0);
     }
 
     #[test]
