@@ -20,9 +20,9 @@ use crate::render;
 /// Fly thousands of simulated flights over all uncertain quantities: how often is the craft lost with
 /// these gains, which gains are safer, and what drives the losses?
 ///
-/// A draw is one sample of all uncertain quantities. It is flown in every scenario with all gains; each of
-/// these flights is a case. A shard is the share of the cases that one process flies, and a part is the file
-/// with its results.
+/// A draw is one sample of all uncertain quantities. It is flown in every scenario with every set of gains;
+/// each of these flights is a case. A shard is the share of the cases that one process flies, and a part is
+/// the file with its results.
 #[derive(clap::Args)]
 #[command(
     after_help = "Examples:\n  quadlab campaign plan campaign.toml --out plan.json\n  quadlab campaign run plan.json --out parts\n  quadlab campaign report plan.json --parts parts --html campaign.html\n  quadlab campaign replay plan.json 17 --html case.html\n  quadlab campaign why plan.json 17\n  quadlab campaign search plan.json --gains mine\n\nOn a cluster, each task flies one shard:\n  quadlab campaign submit plan.json --out parts --engine slurm\n  quadlab campaign run plan.json --out parts --shard 3\n\nA definition:\n  name = \"mine\"\n  seed = 1\n  draws = 1000\n  scenarios = [\"tour\", \"x-1\"]\n  model = \"model.toml\"        # default: the thesis' craft\n  [gains]\n  mine = \"gains.toml\"\n  [unknown]\n  coefficients = true         # drawn from the model's covariance\n  mass_kg = [-0.1, 0.1]       # more than the model's; a range, or\n  wind_m_s = { mean = 0.0, deviation = 0.5 }\n  gust_m_s = [0.0, 0.5]\n  fault = 0.2                 # share of draws with a fault"
