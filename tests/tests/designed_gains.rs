@@ -9,8 +9,8 @@ use design::analysis::{Study, commanded};
 use design::loops::{LOOPS, LoopName, View};
 use model::{Battery, Model};
 use sil::{
-    Fault, FaultKind, FlightPlan, NoiseModel, Recording, Scenario, ScenarioResult, Settings, StepAxis,
-    drills, fly,
+    FaultKind, FlightPlan, NoiseModel, Recording, Row, Scenario, ScenarioResult, Settings, StepAxis, drills,
+    fly,
 };
 
 /// The default design on the thesis' vehicle, as the file in the tree has it (crate `design` tests
@@ -245,14 +245,14 @@ fn the_steady_tilt_is_where_holding_ends() {
 fn flown_with_late_poses(flight: usize, late_us: u32, config: &Config) -> Recording {
     let drill = drills().iter().find(|drill| drill.name == "poses 0.2 s late for good").unwrap();
     let (mut plan, _) = drill.plan(flight, 1, config);
-    plan.faults.iter_mut().for_each(|fault: &mut Fault| fault.kind = FaultKind::PoseOld(late_us));
+    plan.faults.iter_mut().for_each(|fault| fault.kind = FaultKind::PoseOld(late_us));
     fly(&plan).unwrap()
 }
 
 /// The fastest that the craft goes down, m/s.
 fn fastest_down_m_s(recording: &Recording) -> f64 {
-    let down_m = |row: &sil::Row| f64::from(row.truth.position_m[2]);
-    let speed = |pair: &[sil::Row]| (down_m(&pair[1]) - down_m(&pair[0])) / recording.period_s;
+    let down_m = |row: &Row| f64::from(row.truth.position_m[2]);
+    let speed = |pair: &[Row]| (down_m(&pair[1]) - down_m(&pair[0])) / recording.period_s;
     recording.rows.windows(2).map(speed).fold(0.0, f64::max)
 }
 

@@ -33,7 +33,6 @@ use crate::fit::linearise::{About, residuals_at_rows};
 use crate::fit::parameters::{step_end, store};
 use crate::fit::rotation::has_rotation;
 use crate::fit::swing::Known;
-use crate::fit::terms::coefficient_count;
 use crate::prepare::{Alignment, PieceOffset, Prepared};
 use crate::statistics::median;
 
@@ -248,11 +247,7 @@ fn offsets_together(
     let mut model = model.clone();
     let is_adjusting = |effect: &Effect| effect.info().kind == Kind::Adjusting;
     let (adjusting, linear): (Vec<Effect>, Vec<Effect>) = effects.iter().partition(|e| is_adjusting(e));
-    for effect in &adjusting {
-        if !model.has(*effect) {
-            model.set(*effect, &vec![0.0; effect.info().coefficients.len()]);
-        }
-    }
+    join(&mut model, &adjusting);
     for flight in flights.iter_mut() {
         flight.alignment = None;
     }
@@ -269,6 +264,15 @@ fn offsets_together(
 
 fn count_of(effects: &[Effect]) -> usize {
     effects.iter().map(|effect| effect.info().coefficients.len()).sum()
+}
+
+/// Effects that the model does not have join it, at zero.
+fn join(model: &mut Model, effects: &[Effect]) {
+    for effect in effects {
+        if !model.has(*effect) {
+            model.set(*effect, &vec![0.0; effect.info().coefficients.len()]);
+        }
+    }
 }
 
 /// Flights whose offsets are looked for with coefficients that they share.
@@ -381,9 +385,7 @@ fn offset_alone(flight: &mut Prepared, model: &Model) -> Result<Offset, Unidenti
 
 fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Result<Offset, Unidentifiable> {
     let mut model = model.clone();
-    for effect in along {
-        model.set(*effect, &vec![0.0; coefficient_count(*effect)]);
-    }
+    join(&mut model, along);
     let mut problem = Alone { flight, model, along, offset: Offset::UNKNOWN };
     gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?;
     Ok(problem.offset)
@@ -416,7 +418,7 @@ impl Problem for Alone<'_> {
     }
 
     fn step(&mut self, at: Linearised, solution: Solution) -> Result<ControlFlow<()>, Unidentifiable> {
-        let free: usize = self.along.iter().map(|e| coefficient_count(*e)).sum();
+        let free = count_of(self.along);
         let terms = self.along.iter().filter_map(|effect| self.model.term(*effect));
         let own: Vec<f64> = terms
             .flat_map(|term| term.coefficients.iter().map(|c| c.value))
