@@ -11,7 +11,7 @@
 //! 5. what only the outcome shows (loss of thrust, gyro against motion capture, a result that is
 //!    not a number) counts in the next tick.
 //!
-//! Poses that come late are brought to now by the gyro (`law/carried.rs`). Without poses (thesis
+//! Poses that come late are brought to now by gyro and motors (`whereabouts.rs`). Without poses (thesis
 //! chapter 3 has no other position): the position is held and the attitude carried on from the last
 //! pose by the gyro, with Euler rates from body rates (thesis (2.3)). Up
 //! to [`PoseLimits::coast_s`] the command stays; then level at the held height, with the thrust that
@@ -27,11 +27,11 @@
 //! [`PoseLimits::cut_after_s`]: crate::config::supervision_limits::PoseLimits::cut_after_s
 //! [`Landing::blind_offset_m`]: crate::config::supervision_limits::Landing::blind_offset_m
 
+use crate::allocation::mixer::Directions;
 use crate::config::error::ConfigError;
 use crate::config::gains::Config;
 use crate::inputs::input_checks::is_finite;
 use crate::inputs::readings::{Command, Measurement, Mode, Pose, Readings, Request};
-use crate::law::carried::{Turns, carry, turn};
 use crate::law::controller::{Controller, Guided, LANDING_DEPTH_M};
 use crate::law::terms::Tick;
 use crate::safety::aftermath::Aftermath;
@@ -44,6 +44,7 @@ use crate::safety::preflight::Preflight;
 use crate::safety::standing::Standing;
 use crate::safety::state_machine::{State, next};
 use crate::safety::touchdown::Touchdown;
+use crate::whereabouts::{Leap, Lift, Since, Whereabouts};
 
 /// The outcome of a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -90,24 +91,13 @@ pub struct Autopilot {
     /// Mode of the pilot's last command.
     mode: Mode,
     idle_wanted: bool,
-    /// The last good pose.
-    pose: Pose,
-    /// The attitude of now by the gyro, rad; none where the last good pose counts as it came.
-    carried_rad: Option<[f32; 3]>,
-    /// The last tick had no good pose.
-    is_blind: bool,
-    /// The last good pose was brought to now.
-    was_late: bool,
-    turns: Turns,
+    whereabouts: Whereabouts,
     anchor: Anchor,
     touchdown: Touchdown,
     standing: Standing,
     hover: HoverThrust,
     flight: Flight,
 }
-
-/// The pose before the first one: unknown.
-const NOWHERE: Pose = Pose { position_m: [f32::NAN; 3], attitude_rad: [f32::NAN; 3] };
 
 /// A command with motors at idle.
 const IDLE: Command = Command {
@@ -147,11 +137,7 @@ impl Autopilot {
             state: State::Disarmed,
             mode: IDLE.mode,
             idle_wanted: true,
-            pose: NOWHERE,
-            carried_rad: None,
-            is_blind: false,
-            was_late: false,
-            turns: Turns::NONE,
+            whereabouts: Whereabouts::UNKNOWN,
             anchor: Anchor::default(),
             flight: Flight::default(),
         })
@@ -276,62 +262,58 @@ impl Autopilot {
         elapsed_us: u32,
         conditions: &mut Conditions,
     ) -> (Measurement, bool) {
-        let Self { limits, detectors, .. } = self;
-        let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
-        let anchored = self.state != State::Disarmed && self.pose.position_m[0].is_finite();
-        let known = LastKnown { last: &self.pose, attitude_rad: before_rad, anchored };
+        let Self { limits, detectors, whereabouts, .. } = self;
+        let anchored = self.state != State::Disarmed && whereabouts.is_known();
+        let known =
+            LastKnown { last: whereabouts.pose(), attitude_rad: whereabouts.attitude_rad(), anchored };
         let mut pose = readings.pose.as_ref();
         if readings.pose_age_us > limits.pose_oldest_us && pose.take().is_some() {
             detectors.old_pose(conditions);
         }
         let seen = detectors.pose(pose, &known, elapsed_us, limits, conditions);
         let gyro_rad_s = detectors.imu(readings.gyro_rad_s, elapsed_us, limits, conditions);
-        self.turns.hear(gyro_rad_s, elapsed_us);
+        whereabouts.hear(gyro_rad_s, elapsed_us);
         match pose.filter(|_| seen) {
             Some(pose) => {
-                let late = self.turns.poses_are_late(readings.pose_age_us);
-                if late || self.carried_rad.is_some() {
-                    self.see_again(readings, pose, late, gyro_rad_s, elapsed_us);
+                if !whereabouts.counts_as_it_comes(readings.pose_age_us) {
+                    self.see_again(pose, readings.pose_age_us, gyro_rad_s, elapsed_us);
                 }
-                // In parts: as a whole it would be moved by a call.
-                let Pose { position_m, attitude_rad } = *pose;
-                (self.pose.position_m, self.pose.attitude_rad) = (position_m, attitude_rad);
+                self.whereabouts.see(pose);
             }
-            None => {
-                self.carried_rad = Some(carry(before_rad, gyro_rad_s, elapsed_us));
-                self.is_blind = true;
-            }
+            None => self.go_blind(gyro_rad_s, elapsed_us),
         }
-        let measurement = Measurement {
-            position_m: self.pose.position_m,
-            attitude_rad: self.carried_rad.unwrap_or(self.pose.attitude_rad),
-            gyro_rad_s,
-            battery_v: readings.battery_v,
-        };
-        (measurement, seen)
+        (self.whereabouts.measurement(gyro_rad_s, readings.battery_v), seen)
     }
 
-    /// A good pose that is late, or the first one after ticks without or after late ones.
+    /// A good pose that does not count as it comes.
     #[cold]
-    fn see_again(
-        &mut self,
-        readings: &Readings,
-        pose: &Pose,
-        late: bool,
-        gyro_rad_s: Option<[f32; 3]>,
-        elapsed_us: u32,
-    ) {
-        let before_rad = self.carried_rad.unwrap_or(self.pose.attitude_rad);
-        self.carried_rad = late.then(|| self.turns.brought_to_now(pose.attitude_rad, readings.pose_age_us));
-        let silent = self.is_blind && self.detectors.pose.late;
-        if silent || late != self.was_late {
+    fn see_again(&mut self, pose: &Pose, age_us: u32, gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) {
+        let since = self.since(gyro_rad_s, elapsed_us);
+        if let Some(Leap { turned_rad, down_m }) = self.whereabouts.see_again(pose, age_us, &since) {
             // What the estimators make of the way between is no velocity.
-            let seen_rad = self.carried_rad.unwrap_or(pose.attitude_rad);
-            let turned_rad = turn(carry(before_rad, gyro_rad_s, elapsed_us), seen_rad);
-            let down_m = if silent { pose.position_m[2] - self.pose.position_m[2] } else { 0.0 };
             self.controller.leap(turned_rad, down_m);
         }
-        (self.is_blind, self.was_late) = (false, late);
+    }
+
+    /// No good pose in this tick.
+    #[cold]
+    fn go_blind(&mut self, gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) {
+        let since = self.since(gyro_rad_s, elapsed_us);
+        self.whereabouts.go_blind(&since);
+    }
+
+    /// What happened since the tick before.
+    fn since(&self, gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) -> Since {
+        let Tick { terms, refused, .. } = &self.flight.tick;
+        let limits = &self.limits.hover;
+        let flies_by_forces = limits.are_forces() && !self.state.motors_idle();
+        let lift = flies_by_forces.then(|| Lift {
+            thrust: (refused.thrust == Directions::NONE)
+                .then(|| HoverThrust::vertical(terms.thrust, terms.attitude_rad, limits)),
+            hover: self.hover.value(limits),
+        });
+        let silent = self.detectors.pose.late;
+        Since { elapsed_us, gyro_rad_s, silent, z_rate_m_s: terms.z_rate_m_s, lift }
     }
 
     /// What only the outcome shows, for the next tick.
@@ -352,13 +334,18 @@ impl Autopilot {
         aftermath.motors(refused, tick.pwm, seen_rad, elapsed_us, limits);
         aftermath.turns(seen_rad, rates_rad_s, elapsed_us, limits);
         // With motors at idle there is no error, so nothing stands.
-        self.standing.step(&self.pose, !self.detectors.pose.late, terms.attitude_error_rad, elapsed_us);
+        self.standing.step(
+            self.whereabouts.pose(),
+            !self.detectors.pose.late,
+            terms.attitude_error_rad,
+            elapsed_us,
+        );
         if seen && !refused && self.detectors.pose_is_new() {
             self.hover.learn(terms.thrust, attitude_rad, terms.z_rate_m_s, &self.limits.hover);
         }
         let touchdown = &self.limits.touchdown;
         if self.state == State::Land {
-            let [_, _, z_m] = self.pose.position_m;
+            let [_, _, z_m] = self.whereabouts.pose().position_m;
             let known = !self.detectors.pose.late;
             self.touchdown.land(tick.pwm, [z_m, terms.z_rate_m_s], known, elapsed_us, touchdown);
         } else {
@@ -471,7 +458,7 @@ impl Autopilot {
     /// Makes the craft stay where it is. When poses come back, the old place is kept, at the
     /// present height.
     fn cast_anchor(&mut self, attitude_rad: [f32; 3], blind: bool, entered: bool) {
-        let [x, y, z] = self.pose.position_m;
+        let [x, y, z] = self.whereabouts.position_m();
         let [_, _, yaw] = attitude_rad;
         if entered {
             (self.anchor.position_m, self.anchor.yaw_rad) = ([x, y], yaw);
@@ -487,7 +474,6 @@ impl Autopilot {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::allocation::mixer::Directions;
 
     const HOVER: Readings = Readings {
         time_us: 0,
@@ -618,7 +604,10 @@ mod tests {
             flown(&mut autopilot, 0..30, |k, readings| {
                 readings.pose.as_mut().unwrap().position_m[0] = if k < 29 { 0.0 } else { 1.5 };
             });
-            (autopilot.flight().conditions.has(Condition::PoseJumped), autopilot.pose.position_m[0])
+            (
+                autopilot.flight().conditions.has(Condition::PoseJumped),
+                autopilot.whereabouts.pose().position_m[0],
+            )
         };
         assert_eq!(leaps(Autopilot::new(&Config::thesis()).unwrap()), (false, 1.5));
         assert_eq!(leaps(Autopilot::in_flight(&Config::thesis()).unwrap()), (true, 0.0));

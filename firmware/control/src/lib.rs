@@ -48,6 +48,7 @@ mod law;
 #[path = "../tests/common/residues.rs"]
 mod residues;
 mod safety;
+mod whereabouts;
 
 pub use allocation::{desaturation, mixer, motor_map};
 pub use config::{error, gains, supervision_limits, thesis};

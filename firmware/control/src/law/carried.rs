@@ -3,8 +3,7 @@
 //!
 //! Between poses each tick carries it on by its own sample. Where a link has become slow, a pose is
 //! brought to the present by the turn since it was taken: the attitude loops see nothing of the
-//! delay. Position and height stay as old as they are. The altitude loop bears about 0.08 s of that
-//! under the thesis' gains, so it is what limits a link on which all poses are late.
+//! delay. The height has its own way (`law/height.rs`); the position stays as old as it is.
 //!
 //! On a good link poses count as they came: what the craft tells of its attitude is then motion
 //! capture's alone, and a model can be fitted to it and to the gyro as to two witnesses.
@@ -12,7 +11,7 @@
 use crate::dsp::trig::{sin_cos, wrap_angle};
 
 /// So many samples are kept: at 100 Hz those of the 0.15 s that a pose may be old by default, and one.
-const KEPT: usize = 16;
+pub(crate) const KEPT: usize = 16;
 /// A pose that came so much later than the quickest do, us, is late: by as much as the transmission takes as a rule (thesis 5.5) ...
 const LATE_US: u32 = 20_000;
 /// ... and for so long after it all are brought to now, us: one way or the other, not to and fro.

@@ -6,6 +6,7 @@ pub mod attitude;
 pub(crate) mod carried;
 pub mod controller;
 pub mod estimator;
+pub(crate) mod height;
 pub mod pid;
 pub mod position;
 pub mod terms;

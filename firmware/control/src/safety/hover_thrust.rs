@@ -47,14 +47,11 @@ impl HoverThrust {
     pub(crate) fn learn(
         &mut self,
         thrust: f32,
-        [roll, pitch, _]: [f32; 3],
+        attitude_rad: [f32; 3],
         z_rate_m_s: f32,
         limits: &HoverLimits,
     ) {
-        // cos(phi) cos(theta) to second order: 0.5 % off at 20 degrees of both.
-        let upright = 1.0 - 0.5 * (roll * roll + pitch * pitch);
-        let upright = if upright > 0.5 { upright } else { 0.5 };
-        let vertical = thrust * if limits.per_m_s > 0.0 { upright } else { 1.0 };
+        let vertical = Self::vertical(thrust, attitude_rad, limits);
         if vertical.is_finite() && z_rate_m_s.is_finite() {
             self.smoothed += limits.smoothing * (vertical - self.smoothed);
             self.smoothed_m_s += limits.smoothing * (z_rate_m_s - self.smoothed_m_s);
@@ -62,11 +59,20 @@ impl HoverThrust {
         }
     }
 
+    /// The vertical part of a thrust in N, at roll and pitch in rad; a command as it is.
+    #[inline]
+    pub(crate) fn vertical(thrust: f32, [roll, pitch, _]: [f32; 3], limits: &HoverLimits) -> f32 {
+        // cos(phi) cos(theta) to second order: 0.5 % off at 20 degrees of both.
+        let upright = 1.0 - 0.5 * (roll * roll + pitch * pitch);
+        let upright = if upright > 0.5 { upright } else { 0.5 };
+        thrust * if limits.are_forces() { upright } else { 1.0 }
+    }
+
     /// A tick in flight without poses: the thrust that carries the craft and brakes it, N or command
     /// units.
     pub(crate) fn carry_on(&mut self, elapsed_us: u32, limits: &HoverLimits) -> f32 {
         let hover = self.value(limits);
-        if limits.per_m_s <= 0.0 {
+        if !limits.are_forces() {
             return hover;
         }
         let brake = (self.carried_m_s / (GRAVITY_M_S2 * BRAKE_S)).clamp(-HARDEST, HARDEST);

@@ -113,6 +113,14 @@ pub(crate) struct HoverLimits {
     pub(crate) per_m_s: f32,
 }
 
+impl HoverLimits {
+    /// Whether thrusts are in N, not in command units.
+    #[inline]
+    pub(crate) fn are_forces(&self) -> bool {
+        self.per_m_s > 0.0
+    }
+}
+
 /// When a silence matters.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct SilenceLimits {

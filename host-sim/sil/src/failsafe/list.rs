@@ -133,9 +133,27 @@ const DRILLS: &[Drill] = &[
     .within(BLIND_M),
     drill(
         C::PoseOld,
-        "poses 0.08 s late for good",
+        "poses 0.14 s late for good",
         Short(&[(Hold, 0.1), (Flying, 0.5)]),
-        &[Fault(K::PoseOld(80_000), ALWAYS_S)],
+        &[Fault(K::PoseOld(140_000), ALWAYS_S)],
+    ),
+    drill(
+        C::PoseOld,
+        "poses 0.14 s late for good, with a craft 0.15 kg heavier than its model",
+        Short(&[(Hold, 0.1), (Flying, 0.5)]),
+        &[Heavier(0.15), Fault(K::PoseOld(140_000), ALWAYS_S)],
+    ),
+    drill(
+        C::PoseOld,
+        "poses 0.14 s late for good, with a craft 0.15 kg lighter than its model",
+        Short(&[(Hold, 0.1), (Flying, 0.5)]),
+        &[Heavier(-0.15), Fault(K::PoseOld(140_000), ALWAYS_S)],
+    ),
+    drill(
+        C::BatteryCritical,
+        "10.2 V for good, with poses 0.14 s late",
+        Goes(&[(Hold, 0.1), (Flying, 0.5), (Land, 1.6)]),
+        &[Fault(K::PoseOld(140_000), ALWAYS_S), Later(0.5, K::VoltageLower(0.9), ALWAYS_S)],
     ),
     drill(
         C::PoseFrozen,
