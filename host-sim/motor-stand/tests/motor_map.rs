@@ -213,12 +213,47 @@ fn the_map_that_is_there_is_the_one_that_is_supported() {
         let result = motor_map(&truth.run(5), true).unwrap();
         (result.supported, result.maps)
     };
-    assert_eq!(supported(|t| (t.voltage, t.offset) = (0.0, t.offset + 44.65 * 11.5)).0, "command");
+    let mut governed = Truth::thesis();
+    (governed.voltage, governed.offset) = (0.0, governed.offset + 44.65 * 11.5);
+    let refused = motor_map(&governed.run(5), true).unwrap_err();
+    assert!(matches!(refused, MotorMapError::VoltageNotSupported { .. }), "{refused}");
+    assert!(refused.to_string().contains("--without-voltage"), "{refused}");
+    assert_eq!(motor_map(&governed.run(5), false).unwrap().supported, "command");
     assert_eq!(supported(|t| t.product = 0.08).0, "command, voltage, command x voltage");
     let (quadratic, maps) = supported(|t| t.square = -8e-4);
     assert_eq!(quadratic, "command, voltage, command^2");
     // The coefficient of the square is that of the truth, whatever the others make of it.
     assert!((maps[3].coefficients[2] + 8e-4).abs() < 1e-4, "{:?}", maps[3].coefficients);
+}
+
+/// Noise passes neither for a voltage that varies nor for a smaller coefficient: whatever is not refused is the truth to 5 %.
+#[test]
+fn noise_of_the_voltmeter_is_no_variation() {
+    let (mut refused, mut found) = (0, 0);
+    for (seed, noise_v) in (0..).zip([0.005, 0.01, 0.02, 0.03, 0.05, 0.1]) {
+        for decay_v_per_s in [0.0, 0.0005, 0.001, 0.003, 0.02] {
+            let mut truth = Truth::thesis();
+            (truth.noise_v, truth.decay_v_per_s, truth.sag_v) = (noise_v, decay_v_per_s, 0.0);
+            truth.duration_s = 100.0;
+            match motor_map(&truth.run(40 + seed), true) {
+                Ok(result) => {
+                    found += 1;
+                    let voltage = result.map.voltage.unwrap();
+                    let wrong = voltage.value - truth.voltage;
+                    println!("{noise_v} V, {decay_v_per_s} V/s: {voltage:?}");
+                    assert!(decay_v_per_s > 0.0, "a constant voltage with {noise_v} V of noise: {voltage:?}");
+                    assert!(wrong.abs() < 0.05 * truth.voltage + 3.0 * voltage.std_error, "{voltage:?}");
+                }
+                Err(why) => {
+                    refused += 1;
+                    println!("{noise_v} V, {decay_v_per_s} V/s: {why}");
+                    assert!(decay_v_per_s < 0.02, "{why}");
+                    assert!(why.to_string().contains("or leave the voltage out with --without-voltage"));
+                }
+            }
+        }
+    }
+    assert!(found >= 8 && refused >= 10, "{found} found, {refused} refused");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use sysid::filter::RegressionFilter;
 use sysid::prepare::smoothed;
 
 use super::terms::Terms;
+use super::voltage_noise::VoltageNoise;
 use crate::stand::Stand;
 
 /// Window over which the voltmeter's noise is smoothed away, s.
@@ -19,6 +20,8 @@ pub(super) struct CraftLog {
     /// Of each motor.
     pub(super) command: Vec<Vec<f64>>,
     pub(super) volts: Vec<f64>,
+    /// Noise of the voltage before it was smoothed.
+    pub(super) noise: VoltageNoise,
     /// From which sample on there is no gap, for each sample.
     pub(super) since: Vec<usize>,
     pub(super) longest_s: f64,
@@ -48,7 +51,8 @@ impl CraftLog {
             start = end;
         }
         let command = stand.motors.iter().map(|m| pick(&m.command)).collect();
-        Self { t, command, volts, since, longest_s }
+        let noise = VoltageNoise::new(&raw, &since, taps, period_s);
+        Self { t, command, volts, noise, since, longest_s }
     }
 
     pub(super) fn duration_s(&self) -> f64 {

@@ -33,16 +33,26 @@ pub enum MotorMapError {
         /// The other, s.
         second_s: f64,
     },
-    /// The voltage hardly moved.
+    /// The voltage hardly moved, or by little more than its noise.
     #[error(
-        "voltage coefficient not excited: vbat goes from {low_v:.2} to {high_v:.2} V, which determines it to +- {error:.0} rad/s/V only; run the battery down from full, or leave the voltage out with --without-voltage"
+        "voltage coefficient not excited: vbat goes from {low_v:.2} to {high_v:.2} V, {why}; run the battery down from full to empty, or leave the voltage out with --without-voltage"
     )]
     VoltageNotExcited {
         /// Smallest, V.
         low_v: f64,
         /// Largest, V.
         high_v: f64,
-        /// rad/s/V.
+        /// Why that is not enough.
+        why: String,
+    },
+    /// The voltage does not help to predict the speed.
+    #[error(
+        "the data do not support a voltage coefficient ({value:.1} +- {error:.1} rad/s/V): with it, other parts of the run are predicted no better than by chance, or by less than matters; run the battery down from full to empty, or leave the voltage out with --without-voltage"
+    )]
+    VoltageNotSupported {
+        /// What a fit makes of it, rad/s/V.
+        value: f64,
+        /// Its standard error, rad/s/V.
         error: f64,
     },
     /// The commands do not determine something.

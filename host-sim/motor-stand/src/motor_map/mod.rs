@@ -17,6 +17,10 @@
 //! and judged on the others; a longer one is supported where the error it was not fitted to falls
 //! by more than chance and enough to matter.
 //!
+//! **Noise of the voltmeter** makes the voltage's coefficient too small, by the part of the voltage's
+//! variance that it is. A voltage that hardly varies beyond its noise is refused, and so is one whose
+//! coefficient the comparison of maps does not support.
+//!
 //! **What cannot be told apart.** A dead time of the speed controller, and half the interval over
 //! which a pulse counter averages, are in the clock's offset. An average over a long interval also
 //! looks like a slower rotor.
@@ -33,6 +37,7 @@ mod result;
 mod rows;
 mod run;
 mod terms;
+mod voltage_noise;
 
 pub use error::MotorMapError;
 pub use result::{Estimated, Judged, Map, MotorMap, Samples, StandClock, StandResult};
@@ -42,7 +47,7 @@ use compare::compare;
 use craft_log::{CraftLog, range};
 use figures::figures;
 use motors::{each_motor, map_of};
-use quality::{check, leave_out_missed};
+use quality::{check, leave_out_missed, not_excited};
 use rows::{Point, points_of};
 use run::{Free, NEEDED_S, Run};
 use terms::Terms;
@@ -73,7 +78,7 @@ pub fn motor_map(stand: &Stand, with_voltage: bool) -> Result<StandResult, Motor
     let terms = if with_voltage { Terms::Voltage } else { Terms::Command };
     let (low_v, high_v) = range(&craft.volts);
     if with_voltage && high_v - low_v < LEAST_VOLTS {
-        return Err(MotorMapError::VoltageNotExcited { low_v, high_v, error: f64::INFINITY });
+        return Err(not_excited(&craft, "which is constant".into()));
     }
     let all: Vec<usize> = (0..run.points.len()).collect();
     let start = synchronise(&run, terms)?;
@@ -85,8 +90,14 @@ pub fn motor_map(stand: &Stand, with_voltage: bool) -> Result<StandResult, Motor
         fitted = run.fit(&all, terms, fitted.shape, Free::LagAndClock)?;
     }
     check(&craft, &run, &fitted, terms)?;
-    let motors = if all.len() > 1 { each_motor(&run, terms, &fitted, stand)? } else { Vec::new() };
     let maps = compare(&run, fitted.shape, with_voltage)?;
+    let map = map_of(&fitted, terms);
+    if let Some(Estimated { value, std_error: error }) = map.voltage
+        && maps.iter().any(|m| m.terms == terms.name() && !m.supported)
+    {
+        return Err(MotorMapError::VoltageNotSupported { value, error });
+    }
+    let motors = if all.len() > 1 { each_motor(&run, terms, &fitted, stand)? } else { Vec::new() };
     let supported = maps.iter().rev().find(|m| m.supported).map_or(Terms::Command.name(), |m| m.terms);
     Ok(StandResult {
         clock: StandClock {
@@ -94,7 +105,7 @@ pub fn motor_map(stand: &Stand, with_voltage: bool) -> Result<StandResult, Motor
             skew: Estimated { value: fitted.shape.skew, std_error: fitted.errors[2] },
             middle_s: run.middle_s,
         },
-        map: map_of(&fitted, terms),
+        map,
         motors,
         maps,
         supported,

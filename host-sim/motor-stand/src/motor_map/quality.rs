@@ -5,6 +5,7 @@ use super::error::MotorMapError;
 use super::rows::Point;
 use super::run::{Fitted, Run};
 use super::terms::Terms;
+use super::voltage_noise::noise_share;
 
 /// Least part of the speed's variance that is explained where two logs belong together.
 pub(super) const LEAST_FIT: f64 = 0.6;
@@ -13,6 +14,8 @@ const OUTLIER: f64 = 6.0;
 /// Standard error of the voltage's coefficient, part of speed over voltage, beyond which it was not
 /// excited.
 const VOLTAGE_ERROR: f64 = 0.2;
+/// Part of the voltage's variance that may be noise. The coefficient comes out too small by this part.
+const VOLTAGE_NOISE: f64 = 0.02;
 
 /// Takes points out that are far from everything else; how many.
 pub(super) fn leave_out_missed(run: &mut Run<'_>, terms: Terms, fitted: &Fitted) -> usize {
@@ -61,11 +64,20 @@ pub(super) fn check(
         let error = fitted.coefficients[1].std_error;
         let volts = craft.volts.iter().sum::<f64>() / craft.volts.len() as f64;
         if !(error < VOLTAGE_ERROR * mean_speed(&run.points) / volts) {
-            let (low_v, high_v) = range(&craft.volts);
-            return Err(MotorMapError::VoltageNotExcited { low_v, high_v, error });
+            return Err(not_excited(craft, format!("which determines it to +- {error:.0} rad/s/V only")));
+        }
+        let share = noise_share(run, fitted.shape);
+        if !(share < VOLTAGE_NOISE) {
+            let percent = (100.0 * share).min(100.0);
+            return Err(not_excited(craft, format!("and {percent:.0} % of its variance is noise")));
         }
     }
     Ok(())
+}
+
+pub(super) fn not_excited(craft: &CraftLog, why: String) -> MotorMapError {
+    let (low_v, high_v) = range(&craft.volts);
+    MotorMapError::VoltageNotExcited { low_v, high_v, why }
 }
 
 pub(super) fn mean_speed(points: &[Vec<Point>]) -> f64 {

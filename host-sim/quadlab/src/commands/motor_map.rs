@@ -10,7 +10,7 @@ use report::number::{fixed, percent, with_error};
 use report::{Axis, Figure, Page, Panels, Section, Series, Style, significant};
 use schemars::JsonSchema;
 use serde::Serialize;
-use toml_edit::{DocumentMut, Item, TableLike, value};
+use toml_edit::{DocumentMut, Item, RawString, TableLike, value};
 
 use crate::cli::output::{Outcome, OutputOptions, provenance};
 
@@ -94,9 +94,7 @@ fn both(options: &Options) -> String {
 
 /// Whether the vehicle file's map has every term that the data support.
 fn holds(result: &StandResult) -> bool {
-    let longest = &result.maps[usize::from(result.map.voltage.is_some())];
-    result.maps.iter().take_while(|m| m.terms != longest.terms).any(|m| m.terms == result.supported)
-        || longest.terms == result.supported
+    result.maps[usize::from(result.map.voltage.is_some())].terms == result.supported
 }
 
 /// The vehicle file with the map and, where it is known, the lag. Everything else stays, comments
@@ -106,7 +104,7 @@ fn completed(text: &str, map: &Map, path: &Path) -> anyhow::Result<String> {
     let Some(motors) = document.get_mut("motors").and_then(Item::as_table_like_mut) else {
         anyhow::bail!("{}: has no table [motors]", path.display());
     };
-    motors.remove("map");
+    remove(motors, "map", "command");
     set(motors, "command", Some(map.command));
     set(motors, "voltage", map.voltage);
     set(motors, "offset", Some(map.offset));
@@ -122,15 +120,41 @@ fn completed(text: &str, map: &Map, path: &Path) -> anyhow::Result<String> {
 /// Sets a key to the digits that its error leaves, and keeps the comment behind it.
 fn set(table: &mut dyn TableLike, key: &str, estimate: Option<Estimated>) {
     let Some(estimate) = estimate else {
-        table.remove(key);
+        remove(table, key, "offset");
         return;
     };
-    let behind = table.get(key).and_then(Item::as_value).map(|v| v.decor().clone());
     let mut item = value(rounded(estimate));
-    if let (Some(decor), Some(value)) = (behind, item.as_value_mut()) {
-        *value.decor_mut() = decor;
+    // `insert` would take the comments above the key away.
+    let Some(old) = table.get_mut(key) else {
+        table.insert(key, item);
+        return;
+    };
+    if let (Some(old), Some(new)) = (old.as_value(), item.as_value_mut()) {
+        *new.decor_mut() = old.decor().clone();
     }
-    table.insert(key, item);
+    *old = item;
+}
+
+/// Removes a key; comments above it and behind it then stand above another one.
+fn remove(table: &mut dyn TableLike, key: &str, heir: &str) {
+    let text = |raw: Option<&RawString>| raw.and_then(RawString::as_str).unwrap_or_default().to_owned();
+    let above = table.key(key).map(|key| text(key.leaf_decor().prefix())).unwrap_or_default();
+    let behind = table.get(key).and_then(Item::as_value).map(|value| text(value.decor().suffix()));
+    table.remove(key);
+    let mut comments = if above.contains('#') { above } else { String::new() };
+    if let Some(behind) = behind.filter(|behind| behind.contains('#')) {
+        comments += &format!("{}\n", behind.trim());
+    }
+    if comments.is_empty() {
+        return;
+    }
+    if !table.contains_key(heir) {
+        table.insert(heir, value(0.0));
+    }
+    if let Some(mut key) = table.key_mut(heir) {
+        let own = text(key.leaf_decor().prefix());
+        key.leaf_decor_mut().set_prefix(comments + &own);
+    }
 }
 
 /// To a hundredth of the standard error.
@@ -336,6 +360,34 @@ mod tests {
         assert!(vehicle.has_rotor_map() && vehicle.motors.lag == Some(21.512));
         let unknown = completed(STAND_LESS, &map(false), Path::new("v.toml")).unwrap();
         assert!(unknown.contains("lag = 18.0 # a guess"), "{unknown}");
+    }
+
+    /// Comments above and behind keys, of those that are removed, too.
+    #[test]
+    fn every_comment_of_the_vehicle_file_stays() {
+        let old = "# by hand\n# for now\nmap = \"identify\" # later a map\n\n# rotor speed = ...\n# my note\ncommand = 0.7 # by Ann\n\
+            # sags\nvoltage = 40.0 # Tuesday\n# last\noffset = -1000.0 # rounded\n# and the lag\n";
+        let comments = |text: &str| -> Vec<String> {
+            text.lines().filter_map(|line| Some(line.split_once('#')?.1.trim().to_owned())).collect()
+        };
+        for own in [old, "# by hand\nmap = \"identify\" # for now\n", "# cells\nvoltage = 40.0 # Tuesday\n"] {
+            let text = STAND_LESS.replace("map = \"identify\"\n", own);
+            for map in [map(true), Map { voltage: None, ..map(true) }] {
+                let written = completed(&text, &map, Path::new("v.toml")).unwrap();
+                let sorted = |mut all: Vec<String>| {
+                    all.sort();
+                    all
+                };
+                assert_eq!(sorted(comments(&written)), sorted(comments(&text)), "{written}");
+            }
+        }
+        let written =
+            completed(&STAND_LESS.replace("map = \"identify\"\n", old), &map(true), Path::new("v.toml"));
+        let written = written.unwrap();
+        assert!(
+            written.contains("# rotor speed = ...\n# my note\ncommand = 0.78501 # by Ann\n"),
+            "{written}"
+        );
     }
 
     #[test]
