@@ -7,6 +7,7 @@ use model::Model;
 use serde::{Deserialize, Serialize};
 
 use crate::error::CampaignError;
+use crate::truncation;
 
 /// What a campaign is to fly.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -37,7 +38,7 @@ pub struct Definition {
 pub enum Spread {
     /// Evenly between two numbers.
     Range([f64; 2]),
-    /// Normally.
+    /// Normally, truncated where it reaches beyond what can be simulated.
     Normal(Normal),
 }
 
@@ -150,6 +151,10 @@ impl Unknown {
                 }
                 Some(Spread::Range(ends)) if !ends.into_iter().all(is_within) => beyond(limits),
                 Some(Spread::Normal(normal)) if !is_within(normal.mean) => beyond(limits),
+                Some(Spread::Normal(normal)) => match truncation::refused(normal, limits) {
+                    Some(why) => why,
+                    None => continue,
+                },
                 _ => continue,
             };
             return Some(format!("unknown.{name}: {why}"));
@@ -175,7 +180,8 @@ fn beyond([least, most]: [f64; 2]) -> String {
 pub(crate) fn limits(name: &str, model: &Model) -> [f64; 2] {
     let vehicle = &model.vehicle;
     match name {
-        "mass_kg" => [-0.9 * vehicle.mass, 10.0 * vehicle.mass],
+        // Lighter ones with the fastest rotors are beyond what a step of the simulation follows.
+        "mass_kg" => [-0.75 * vehicle.mass, 10.0 * vehicle.mass],
         "center_of_mass_m" => [-0.5, 0.5].map(|arms| arms * vehicle.arm_length),
         "thrust_loss" => [-0.5, 1.0],
         // No rotor follows within 2 ms.
@@ -202,6 +208,12 @@ impl Definition {
         let text =
             std::fs::read_to_string(path).map_err(|why| CampaignError::Read { path: path.into(), why })?;
         let definition: Self = toml::from_str(&text).map_err(|error| {
+            // A key of the whole file is missing in no line of it.
+            if error.message().starts_with("missing field") && error.span().is_none_or(|span| span.start == 0)
+            {
+                let why = format!("{}; a definition needs name, draws and scenarios", error.message());
+                return CampaignError::content(path, why);
+            }
             let line = error.span().map(|span| 1 + text[..span.start].matches('\n').count());
             let said = |line: usize| {
                 format!("line {line}, {}: ", text.lines().nth(line - 1).unwrap_or_default().trim())

@@ -40,6 +40,9 @@ pub enum CampaignError {
     /// A folder that holds another campaign.
     #[error("{}: holds parts of another campaign; choose another folder with --out", .0.display())]
     OtherCampaign(PathBuf),
+    /// A folder to read from that holds another campaign.
+    #[error("{}: holds parts of another campaign; give the folder in which this plan was flown with --parts", .0.display())]
+    OtherParts(PathBuf),
     /// Parts that are missing.
     #[error(
         "{}: {} of {parts} shards missing: {}; fly them with `{command}`",

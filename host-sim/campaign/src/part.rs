@@ -53,8 +53,19 @@ pub(crate) fn together(count: usize, cores: usize) -> usize {
     count.div_ceil(cores.max(1)).clamp(1, TOGETHER)
 }
 
-/// Flies a shard of a plan into a folder, on all cores, unless it is there already; `told` hears how many cases were flown and how many of
-/// these were lost. Whether it was flown now.
+/// When a shard was flown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ShardFlown {
+    /// Its part was there already.
+    Before,
+    /// Now.
+    Now,
+    /// Now, because its part was damaged.
+    Again,
+}
+
+/// Flies a shard of a plan into a folder, on all cores, unless its part is there already and whole; `told` hears how many cases were flown
+/// and how many of these were lost.
 ///
 /// # Errors
 /// A folder of another campaign, a file that cannot be written, or a flight that cannot be flown.
@@ -64,14 +75,18 @@ pub fn run_shard(
     shard: u64,
     folder: &Path,
     told: &(dyn Fn(u64, u64) + Sync),
-) -> Result<bool, CampaignError> {
+) -> Result<ShardFlown, CampaignError> {
     let cases = plan.cases_of(shard)?;
     let write =
         |path: &Path, why: &dyn ToString| CampaignError::Write { path: path.into(), why: why.to_string() };
     std::fs::create_dir_all(folder).map_err(|why| write(folder, &why))?;
     claim(plan, folder)?;
-    if sealed(folder, shard, plan.shards).is_some_and(|seal| seal.campaign_sha256 == plan.campaign_sha256) {
-        return Ok(false);
+    let seal = sealed(folder, shard, plan.shards);
+    if seal.as_ref().is_some_and(|seal| seal.campaign_sha256 != plan.campaign_sha256) {
+        return Err(CampaignError::OtherCampaign(folder.into()));
+    }
+    if seal.as_ref().is_some_and(|seal| of_shard(plan, folder, shard, seal).is_ok()) {
+        return Ok(ShardFlown::Before);
     }
     let ready = plan.ready(plan_path)?;
     let mut all = Vec::new();
@@ -90,6 +105,7 @@ pub fn run_shard(
         all.extend(flown);
     }
     let path = part_path(folder, shard, plan.shards);
+    let had_part = seal.is_some();
     let bytes = table(plan, &all).to_parquet().map_err(|why| write(&path, &why))?;
     report::write_atomic(&path, &bytes).map_err(|why| write(&path, &why))?;
     let seal = Seal {
@@ -103,20 +119,60 @@ pub fn run_shard(
     let path = seal_path(folder, shard, plan.shards);
     let text = serde_json::to_string_pretty(&seal).unwrap_or_default() + "\n";
     report::write_atomic(&path, text).map_err(|why| write(&path, &why))?;
-    Ok(true)
+    Ok(if had_part { ShardFlown::Again } else { ShardFlown::Now })
+}
+
+/// The table of a shard's part, which is whole and the shard's own.
+///
+/// # Errors
+/// A part that is missing or damaged, or of another campaign.
+pub(crate) fn of_shard(plan: &Plan, folder: &Path, shard: u64, seal: &Seal) -> Result<Table, CampaignError> {
+    let path = part_path(folder, shard, plan.shards);
+    let wrong = |why: &str| CampaignError::content(&path, why);
+    let cases = plan.cases_of(shard)?;
+    if seal.campaign_sha256 != plan.campaign_sha256 || seal.cases != [cases.start, cases.end] {
+        return Err(wrong("is a part of another campaign; remove it and its .json, and fly the shard again"));
+    }
+    let bytes = std::fs::read(&path).map_err(|why| CampaignError::Read { path: path.clone(), why })?;
+    if hex(&Sha256::digest(&bytes)) != seal.part_sha256 {
+        return Err(wrong("is damaged; `quadlab campaign run` flies its shard again"));
+    }
+    let part = Table::from_parquet(bytes).map_err(|why| CampaignError::content(&path, why))?;
+    let numbers = part.whole("case").unwrap_or_default();
+    if !numbers.iter().map(|number| *number as u64).eq(cases) {
+        return Err(wrong(
+            "does not hold the cases of its shard; remove it and its .json, and fly the shard again",
+        ));
+    }
+    Ok(part)
 }
 
 /// The file that says whose parts a folder holds.
 const CLAIM: &str = "campaign.json";
 
-/// Makes a folder that of a campaign, unless it is one of another.
-fn claim(plan: &Plan, folder: &Path) -> Result<(), CampaignError> {
-    let path = folder.join(CLAIM);
-    let text = format!("{{ \"campaign_sha256\": \"{}\" }}\n", plan.campaign_sha256);
-    if let Ok(own) = std::fs::read_to_string(&path) {
-        return if own == text { Ok(()) } else { Err(CampaignError::OtherCampaign(folder.into())) };
+fn claim_of(plan: &Plan) -> String {
+    format!("{{ \"campaign_sha256\": \"{}\" }}\n", plan.campaign_sha256)
+}
+
+/// Whether a folder holds another campaign.
+pub(crate) fn is_of_another(plan: &Plan, folder: &Path) -> bool {
+    std::fs::read_to_string(folder.join(CLAIM)).is_ok_and(|own| own != claim_of(plan))
+}
+
+/// Makes a folder that of a campaign.
+///
+/// # Errors
+/// A folder that is one of another campaign, which stays as it is, or that cannot be written to.
+pub fn claim(plan: &Plan, folder: &Path) -> Result<(), CampaignError> {
+    if is_of_another(plan, folder) {
+        return Err(CampaignError::OtherCampaign(folder.into()));
     }
-    report::write_atomic(&path, text).map_err(|why| CampaignError::Write { path, why: why.to_string() })
+    let path = folder.join(CLAIM);
+    if path.exists() {
+        return Ok(());
+    }
+    report::write_atomic(&path, claim_of(plan))
+        .map_err(|why| CampaignError::Write { path, why: why.to_string() })
 }
 
 /// Of the program that runs: parts of different programs may differ. It is read once, however many shards it flies.

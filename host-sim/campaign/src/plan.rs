@@ -14,6 +14,7 @@ use sha2::{Digest, Sha256};
 use crate::definition::{Definition, Unknown};
 use crate::draw::{Drawn, Flies};
 use crate::error::CampaignError;
+use crate::truncation::Truncation;
 
 /// Version of the file.
 const FORMAT: u32 = 1;
@@ -150,11 +151,13 @@ impl Plan {
         };
         let campaign_sha256 = campaign.sha256();
         let mut plan = Self { format: FORMAT, campaign_sha256, shards: 1, campaign };
-        let cases = plan.campaign.cases().ok_or_else(|| {
-            CampaignError::content(
-                path,
-                "draws times scenarios times gains are more cases than can be counted",
-            )
+        let cases = plan.campaign.cases().filter(|cases| *cases <= MOST_CASES).ok_or_else(|| {
+            let why = format!(
+                "draws: {} draws times scenarios times gains are more than {} million flights, the most of a campaign; give fewer",
+                plan.campaign.draws,
+                MOST_CASES / 1_000_000
+            );
+            CampaignError::content(path, why)
         })?;
         plan.shards =
             shards.unwrap_or_else(|| cases.div_ceil(CASES_OF_A_SHARD)).clamp(1, cases.min(MOST_SHARDS));
@@ -249,6 +252,11 @@ impl Plan {
         Ok(start(shard)..start(shard + 1))
     }
 
+    /// The normal distributions that reach beyond what can be simulated, and are truncated there; none of a model that cannot be read.
+    pub fn truncations(&self) -> Vec<Truncation> {
+        self.campaign.model().map_or_else(|_| Vec::new(), |model| self.campaign.unknown.truncations(&model))
+    }
+
     /// What is drawn for a draw, about the model of the plan.
     pub(crate) fn drawn(&self, draw: u64, model: &Model) -> Drawn {
         Drawn::new(self.campaign.seed, draw, &self.campaign.unknown, model)
@@ -258,13 +266,7 @@ impl Plan {
     pub(crate) fn ready(&self, path: &Path) -> Result<Ready<'_>, CampaignError> {
         let wrong = |why: String| CampaignError::content(path, why);
         let campaign = &self.campaign;
-        let model = match &campaign.model {
-            Some(NamedText { name, text }) => {
-                Model::parse(text.as_deref().unwrap_or_default(), Path::new(name))
-                    .map_err(|why| wrong(why.to_string()))?
-            }
-            None => Model::thesis(),
-        };
+        let model = campaign.model().map_err(wrong)?;
         if let Some(why) = campaign.unknown.refused(&model) {
             return Err(wrong(why));
         }
@@ -291,8 +293,16 @@ impl Plan {
 const CASES_OF_A_SHARD: u64 = 2000;
 /// Most shards of a plan: each is two files.
 pub const MOST_SHARDS: u64 = 100_000;
+/// Most flights of a campaign: each shard and the report hold their flights in memory.
+const MOST_CASES: u64 = MOST_SHARDS * CASES_OF_A_SHARD;
 
 impl Campaign {
+    /// The craft's model, or why it is none.
+    fn model(&self) -> Result<Model, String> {
+        let Some(NamedText { name, text }) = &self.model else { return Ok(Model::thesis()) };
+        Model::parse(text.as_deref().unwrap_or_default(), Path::new(name)).map_err(|why| why.to_string())
+    }
+
     fn cases(&self) -> Option<u64> {
         let each = (self.scenarios.len() as u64).checked_mul(self.gains.len() as u64)?;
         self.draws.checked_mul(each)

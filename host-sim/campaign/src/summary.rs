@@ -12,6 +12,7 @@ use crate::drivers::{Driver, drivers};
 use crate::part::INPUT;
 use crate::plan::{Campaign, Plan};
 use crate::statistics::{Interval, exact_interval, mcnemar_p_value, paired_interval};
+use crate::truncation::Truncation;
 use table::Table;
 
 /// Worst cases that are named for each gains.
@@ -30,6 +31,8 @@ pub struct Summary {
     pub draws: u64,
     /// Draws in which no gains could have flown: the craft cannot hover in that air. They count nowhere else.
     pub impossible: u64,
+    /// Normal distributions that were truncated, because they reach beyond what can be simulated.
+    pub truncations: Vec<Truncation>,
     /// For each gains, in any of the scenarios and in each.
     pub rates: Vec<Rate>,
     /// For each two gains on the same draws.
@@ -187,6 +190,7 @@ impl Summary {
             cases: plan.cases(),
             draws: campaign.draws,
             impossible: campaign.draws - columns.draws.len() as u64,
+            truncations: plan.truncations(),
             rates: all.clone().flat_map(|k| columns.rates(k)).collect(),
             pairs: pairs.iter().map(|pair| columns.pair(*pair, pairs.len())).collect(),
             faults: all.clone().flat_map(|k| columns.faults(k)).collect(),

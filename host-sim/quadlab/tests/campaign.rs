@@ -310,7 +310,18 @@ fn mistakes_are_one_line_each() {
     };
     let definitions = [
         ("draws = 40", "draws = 0", "draws: 0 asks for no flight"),
-        ("draws = 40", "draws = 9223372036854775807", "more cases than can be counted"),
+        ("draws = 40", "draws = 9223372036854775807", "are more than 200 million flights"),
+        (
+            "draws = 40",
+            "draws = 100000000",
+            "draws: 100000000 draws times scenarios times gains are more than",
+        ),
+        ("draws = 40", "", "d.toml: missing field `draws`; a definition needs name, draws and scenarios"),
+        (
+            "deviation = 0.5",
+            "deviation = 1e9",
+            "unknown.wind_m_s: 100 % of a normal distribution with deviation",
+        ),
         ("draws = 40", "draws = 40\nflights = 3", "unknown field `flights`"),
         ("\"tour\"", "\"loop\"", "there is no such scenario"),
         ("[-0.1, 0.1]", "[0.1, -0.1]", "unknown.mass_kg: [0.1, -0.1] is not a valid range"),
@@ -362,5 +373,77 @@ fn mistakes_are_one_line_each() {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&part, bytes).unwrap();
-    refused(&["campaign", "merge", "plan.json", "--parts", "parts"], "is damaged; remove it and its .json");
+    let merge = ["campaign", "merge", "plan.json", "--parts", "parts"];
+    refused(&merge, "is damaged; `quadlab campaign run` flies its shard again");
+    let other = "holds parts of another campaign; give the folder in which this plan was flown with --parts";
+    refused(&["campaign", "report", "e.json", "--parts", "parts"], other);
+    // The command that is named mends it.
+    let said = done_in(path, &RUN);
+    assert!(
+        said.contains("shard 0 of 2 was flown before") && said.contains("shard 1 of 2 was flown again"),
+        "{said}"
+    );
+    done_in(path, &merge);
+}
+
+/// A folder belongs to one plan, and a second one changes nothing in it.
+#[test]
+fn no_plan_replaces_another_beside_its_parts() {
+    let folder = planned(2);
+    let path = folder.path();
+    let submit = |plan: &str, engine: &str| {
+        let args = ["campaign", "submit", plan, "--out", "there", "--engine", engine, "--dry-run"];
+        let run = run_in(path, &args);
+        (run.status.code(), String::from_utf8(run.stderr).unwrap())
+    };
+    assert_eq!(submit("plan.json", "local").0, Some(0));
+    let all = || {
+        let files = std::fs::read_dir(path.join("there")).unwrap().map(|entry| entry.unwrap().path());
+        let mut all: Vec<_> = files.map(|file| (std::fs::read(&file).unwrap(), file)).collect();
+        all.sort();
+        all
+    };
+    let before = all();
+    std::fs::write(path.join("e.toml"), DEFINITION.replace("seed = 3", "seed = 4")).unwrap();
+    done_in(path, &["campaign", "plan", "e.toml", "--out", "e.json"]);
+    done_in(path, &["campaign", "plan", "c.toml", "--shards", "5", "--out", "five.json"]);
+    for (plan, expected) in [
+        ("e.json", "is there already and is not the plan of this campaign; choose another folder with --out"),
+        ("five.json", "is a plan of this campaign in 2 shards, not 5"),
+    ] {
+        for engine in ["local", "slurm"] {
+            let (code, why) = submit(plan, engine);
+            assert!(code == Some(2) && why.lines().count() == 1 && why.contains(expected), "{plan}: {why}");
+            assert!(all() == before, "{plan} with {engine} changed the folder");
+        }
+    }
+    // The folder is this campaign's before anything was flown, and its own plan can be submitted again.
+    let run = run_in(path, &["campaign", "run", "e.json", "--out", "there"]);
+    assert!(String::from_utf8(run.stderr).unwrap().contains("holds parts of another campaign"));
+    assert!(all() == before);
+    assert_eq!(submit("plan.json", "local").0, Some(0));
+}
+
+/// What is cut off a normal distribution is told by the plan, the report and its page.
+#[test]
+fn a_truncated_normal_distribution_is_said_aloud() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path();
+    let text = "name = \"late\"\ndraws = 8\nscenarios = [\"hover\"]\n[unknown]\ndead_time_s = { mean = 0.0, deviation = 0.002 }\n";
+    std::fs::write(path.join("c.toml"), text).unwrap();
+    let unwrapped = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let expected = "dead_time_s: 50 % of the normal distribution with mean 0 and deviation 0.002 lies outside 0 to 0.500";
+    let said = unwrapped(&done_in(path, &["campaign", "plan", "c.toml"]));
+    assert!(said.contains(expected), "{said}");
+    let document = json_in(path, &["campaign", "plan", "c.toml", "--out", "j.json"]);
+    schemas::assert_valid("campaign-plan", &document);
+    assert_eq!(document["truncations"][0]["quantity"], "dead_time_s");
+    done_in(path, &RUN);
+    let report = ["campaign", "report", "plan.json", "--parts", "parts", "--html", "r.html"];
+    let said = unwrapped(&done_in(path, &report));
+    assert!(said.contains(expected), "{said}");
+    assert!(std::fs::read_to_string(path.join("r.html")).unwrap().contains(expected));
+    std::fs::write(path.join("d.toml"), text.replace("mean = 0.0", "mean = 0.1")).unwrap();
+    let said = done_in(path, &["campaign", "plan", "d.toml", "--out", "d.json"]);
+    assert!(!said.contains("normal distribution"), "{said}");
 }

@@ -637,7 +637,8 @@ def campaign_run(
     out: Path,
     shard: int | None = None,
 ) -> Result:
-    """Fly a plan, or one shard of it; what was flown before is not flown again.
+    """Fly a plan, or one shard of it. Shards whose parts are in the folder already, and whole, are not
+    flown again.
 
     plan: Plan file.
     out: Folder for the parts.
@@ -754,7 +755,7 @@ def campaign_search(
     plan: Plan file.
     gains: Gains to try [default: the first of the plan].
     scenario: Scenario to fly [default: the first of the plan].
-    flights: Flights of the search, and as many that are drawn.
+    flights: Flights of the search, rounded up to a multiple of 24, and as many random draws.
     seed: Seed of the search.
     html: Page to write.
     force: Overwrite existing output files.

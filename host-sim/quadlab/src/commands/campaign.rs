@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use campaign::{
-    Answer, CaseFlight, Causes, Definition, Flown, Input, MERGED, MOST_SHARDS, Needed, Plan, Rate, Summary,
-    Table, merge, run_shard,
+    Answer, CaseFlight, Causes, Definition, Flown, Input, MERGED, MOST_SHARDS, Needed, Plan, Rate,
+    ShardFlown, Summary, Table, merge, run_shard,
 };
 use clap::Subcommand;
 use report::significant;
@@ -20,12 +20,17 @@ use crate::render;
 /// Fly thousands of simulated flights over all uncertain quantities: how often is the craft lost with
 /// these gains, which gains are safer, and what drives the losses?
 ///
-/// A draw is one sample of all uncertain quantities. It is flown in every scenario with every set of gains;
-/// each of these flights is a case. A shard is the share of the cases that one process flies, and a part is
-/// the file with its results.
+/// A definition is a TOML file that says what to fly and what is uncertain; a plan is made of it. A draw is
+/// one sample of all uncertain quantities. It is flown in every scenario with every set of gains; each of
+/// these flights is a case, numbered from 0. The craft is lost in a case if it hits the floor at more than
+/// 1 m/s, leaves the cage, turns upside down, or has its motors cut or disarmed in the air; a draw counts as
+/// lost if any of its cases is.
+///
+/// A shard is the share of the cases that one process flies, and a part is the file with its results. An
+/// engine is a program that runs the shards on one or many machines, such as Slurm.
 #[derive(clap::Args)]
 #[command(
-    after_help = "Examples:\n  quadlab campaign plan campaign.toml --out plan.json\n  quadlab campaign run plan.json --out parts\n  quadlab campaign report plan.json --parts parts --html campaign.html\n  quadlab campaign replay plan.json 17 --html case.html\n  quadlab campaign why plan.json 17\n  quadlab campaign search plan.json --gains mine\n\nOn a cluster, each task flies one shard:\n  quadlab campaign submit plan.json --out parts --engine slurm\n  quadlab campaign run plan.json --out parts --shard 3\n\nA definition:\n  name = \"mine\"\n  seed = 1\n  draws = 1000\n  scenarios = [\"tour\", \"x-1\"]\n  model = \"model.toml\"        # default: the thesis' craft\n  [gains]\n  mine = \"gains.toml\"\n  [unknown]\n  coefficients = true         # drawn from the model's covariance\n  mass_kg = [-0.1, 0.1]       # more than the model's; a range, or\n  wind_m_s = { mean = 0.0, deviation = 0.5 }\n  gust_m_s = [0.0, 0.5]\n  fault = 0.2                 # share of draws with a fault"
+    after_help = "Examples:\n  quadlab campaign plan campaign.toml --out plan.json\n  quadlab campaign run plan.json --out parts\n  quadlab campaign report plan.json --parts parts --html campaign.html\n  quadlab campaign replay plan.json 17 --html case.html   # case 17; report names cases\n  quadlab campaign why plan.json 17\n  quadlab campaign search plan.json --gains mine\n\nOn a cluster, each task flies one shard:\n  quadlab campaign submit plan.json --out parts --engine slurm\n  quadlab campaign run plan.json --out parts --shard 3\n\nA definition:\n  name = \"mine\"\n  seed = 1\n  draws = 1000\n  scenarios = [\"tour\", \"x-1\"]\n  model = \"model.toml\"        # default: the thesis' craft\n  [gains]\n  mine = \"gains.toml\"\n  [unknown]\n  coefficients = true         # drawn from the model's covariance\n  mass_kg = [-0.1, 0.1]       # more than the model's; a range, or\n  wind_m_s = { mean = 0.0, deviation = 0.5 }   # a normal distribution\n  gust_m_s = [0.0, 0.5]\n  fault = 0.2                 # share of draws with a fault"
 )]
 pub(crate) struct Options {
     #[command(subcommand)]
@@ -63,7 +68,7 @@ struct PlanOptions {
     output: OutputOptions,
 }
 
-/// Fly a plan, or one shard of it; what was flown before is not flown again
+/// Fly a plan, or one shard of it. Shards whose parts are in the folder already, and whole, are not flown again
 #[derive(clap::Args)]
 struct RunOptions {
     /// Plan file
@@ -175,11 +180,16 @@ fn make_plan(options: &PlanOptions) -> anyhow::Result<Outcome> {
         return Outcome::json(&Planned::new(&options.out, &plan));
     }
     let file = options.out.display();
-    Ok(Outcome::done(format!(
-        "{} flights in {}; plan written to {file}\nto fly it: quadlab campaign run {file} --out parts\n",
+    let mut text = format!(
+        "{} flights in {}; plan written to {file}\n",
         plan.cases(),
         render::campaign::shards(plan.shards)
-    )))
+    );
+    for truncation in plan.truncations() {
+        text += &render::grid::paragraph(&render::campaign::truncated(&truncation));
+    }
+    writeln!(text, "to fly it: quadlab campaign run {file} --out parts")?;
+    Ok(Outcome::done(text))
 }
 
 /// Where engines of clusters put the number of a task, from 0 or from what the user said.
@@ -208,6 +218,8 @@ pub(crate) struct FlownShards {
     cases: u64,
     /// Those of them that had been flown before.
     before: Vec<u64>,
+    /// Those of them whose parts could not be used and were replaced.
+    replaced: Vec<u64>,
 }
 
 /// Flies shards of the plan of a file into a folder, and shows how far it is.
@@ -229,16 +241,20 @@ pub(crate) fn fly_shards(
         let lost = lost.fetch_add(lost_now, Ordering::Relaxed) + lost_now;
         progress.set_activity(&format!("flying, {lost} lost"), done, cases);
     };
-    let mut before = Vec::new();
+    let (mut before, mut replaced) = (Vec::new(), Vec::new());
     for shard in shards {
-        if !run_shard(plan, file, *shard, out, &told)? {
-            let of = plan.cases_of(*shard)?;
-            told(of.end - of.start, 0);
-            before.push(*shard);
+        match run_shard(plan, file, *shard, out, &told)? {
+            ShardFlown::Now => (),
+            ShardFlown::Again => replaced.push(*shard),
+            ShardFlown::Before => {
+                let of = plan.cases_of(*shard)?;
+                told(of.end - of.start, 0);
+                before.push(*shard);
+            }
         }
     }
     progress.finish_and_clear();
-    Ok(FlownShards { cases, before })
+    Ok(FlownShards { cases, before, replaced })
 }
 
 fn fly(options: &RunOptions) -> anyhow::Result<Outcome> {
@@ -249,6 +265,9 @@ fn fly(options: &RunOptions) -> anyhow::Result<Outcome> {
     let mut text = String::new();
     for shard in flown.before {
         writeln!(text, "shard {shard} of {} was flown before", plan.shards)?;
+    }
+    for shard in flown.replaced {
+        writeln!(text, "shard {shard} of {} was flown again: its part was damaged", plan.shards)?;
     }
     let cases = flown.cases;
     let (file, folder) = (options.plan.display(), options.out.display());

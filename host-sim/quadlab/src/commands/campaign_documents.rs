@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use campaign::{CaseFlight, Needed, Plan};
+use campaign::{CaseFlight, Needed, Plan, Truncation};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -15,11 +15,13 @@ pub(crate) struct Planned<'a> {
     flights: u64,
     /// Shards that it is flown in.
     shards: u64,
+    /// Normal distributions that are truncated, because they reach beyond what can be simulated.
+    truncations: Vec<Truncation>,
 }
 
 impl<'a> Planned<'a> {
     pub(crate) fn new(file: &'a Path, plan: &Plan) -> Self {
-        Self { file, flights: plan.cases(), shards: plan.shards }
+        Self { file, flights: plan.cases(), shards: plan.shards, truncations: plan.truncations() }
     }
 }
 

@@ -24,7 +24,7 @@ pub(crate) struct Options {
     #[arg(long, value_name = "NAME")]
     scenario: Option<String>,
 
-    /// Flights of the search, and as many that are drawn
+    /// Flights of the search, rounded up to a multiple of 24, and as many random draws
     #[arg(long, value_name = "N", default_value_t = 480, value_parser = clap::value_parser!(u64).range(48..=1_000_000))]
     flights: u64,
 

@@ -9,7 +9,7 @@ use clap::ValueEnum;
 use crate::cli::output::Outcome;
 use crate::render::campaign::shards;
 
-/// Hand the shards of a plan to an engine: writes its script beside the parts, and starts it
+/// Hand the shards of a plan to an engine, which runs them: writes its script beside the parts, and starts it
 #[derive(clap::Args)]
 pub(crate) struct Options {
     /// Plan file
@@ -78,7 +78,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     };
     let parts = absolute(&options.out)?;
     // One folder is all that the machines have to share.
-    report::write_atomic(parts.join(PLAN), plan.to_json())?;
+    put_plan(&plan, &options.out)?;
     let program = std::env::current_exe()?;
     let task = Task { program, plan: parts.join(PLAN), parts, shards: plan.shards };
     let (name, starter) = options.engine.script();
@@ -100,6 +100,31 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         "{} {told}; next: quadlab campaign report {file} --parts {folder}\n",
         shards(plan.shards)
     )))
+}
+
+/// Puts a plan into the folder of its parts. Nothing is overwritten there: tasks of an earlier one may still read it.
+fn put_plan(plan: &Plan, folder: &Path) -> anyhow::Result<()> {
+    let path = folder.join(PLAN);
+    if path.exists() {
+        match Plan::read(&path) {
+            Ok(own) if own == *plan => (),
+            Ok(own) if own.campaign_sha256 == plan.campaign_sha256 => anyhow::bail!(
+                "{}: is a plan of this campaign in {}, not {}; submit that one, or choose another folder with --out",
+                path.display(),
+                shards(own.shards),
+                plan.shards
+            ),
+            _ => anyhow::bail!(
+                "{}: is there already and is not the plan of this campaign; choose another folder with --out",
+                path.display()
+            ),
+        }
+    }
+    campaign::claim(plan, folder)?;
+    if !path.exists() {
+        report::write_atomic(&path, plan.to_json())?;
+    }
+    Ok(())
 }
 
 /// Starts a script and waits until its program ends.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 
-use campaign::{Driver, FaultRate, Found, Group, Pair, Plan, Rate, Summary, Worst};
+use campaign::{Driver, FaultRate, Found, Group, Pair, Plan, Rate, Summary, Truncation, Worst};
 use report::number::p_value;
 use report::{Axis, Figure, Mark, Page, Section, Series, Style, significant};
 
@@ -22,6 +22,9 @@ pub(crate) fn to_text(summary: &Summary, plan_file: &str) -> String {
     let mut all = paragraph(&conclusion(summary));
     for grid in grids(summary) {
         let _ = write!(all, "\n{}", grid.to_text());
+    }
+    for truncation in &summary.truncations {
+        let _ = write!(all, "\n{}", paragraph(&truncated(truncation)));
     }
     if let Some(Worst { case, .. }) = summary.worst.values().flatten().next() {
         let _ = write!(
@@ -53,6 +56,17 @@ pub(crate) fn page(summary: &Summary, plan: &Plan) -> Page {
     page.section(section).section(conditions(plan))
 }
 
+/// That a normal distribution was truncated, as a sentence.
+pub(crate) fn truncated(truncation: &Truncation) -> String {
+    let Truncation { quantity, mean, deviation, ends, beyond_percent } = truncation;
+    let [low, high] = ends.map(|end| significant(end, 3));
+    format!(
+        "{quantity}: {} % of the normal distribution with mean {mean} and deviation {deviation} lies outside {low} to {high}, which cannot be \
+         simulated; values there are drawn again (truncated normal distribution).",
+        significant(*beyond_percent, 2)
+    )
+}
+
 /// What was flown, what was not known, and what counts as lost.
 fn conditions(plan: &Plan) -> Section {
     let campaign = &plan.campaign;
@@ -67,15 +81,17 @@ fn conditions(plan: &Plan) -> Section {
     }
     let gains = campaign.gains.iter().map(|gains| gains.name.as_str()).collect::<Vec<_>>().join(", ");
     let model = campaign.model.as_ref().map_or("the thesis' craft", |model| model.name.as_str());
-    Section::new("Conditions")
+    let section = Section::new("Conditions")
         .paragraph(format!(
             "{} draws of seed {} of {model}, in {} under {gains}. A draw is lost if in any of its scenarios the craft hit the floor at more \
-             than 1 m/s, left the cage, turned upside down, or had its motors cut or disarmed in the air.",
+             than 1 m/s, left the cage, turned upside down, had its motors cut or disarmed in the air, or its state \
+             was not finite.",
             campaign.draws,
             campaign.seed,
             campaign.scenarios.join(", ")
         ))
-        .table(grid.to_table())
+        .table(grid.to_table());
+    plan.truncations().iter().fold(section, |section, truncation| section.paragraph(truncated(truncation)))
 }
 
 /// The share of the draws lost over one of the numbers that were drawn.
