@@ -220,6 +220,39 @@ fn a_trim_file_moves_the_equilibrium() {
     assert!(document["equilibrium"]["state"][7].as_f64().unwrap() < -0.01, "nose down to fly forward");
 }
 
+/// A fast craft leans far: its angles are within half a turn, and where no motor can turn so fast it is said.
+#[test]
+fn an_equilibrium_is_told_in_angles_and_commands_that_there_are() {
+    let folder = thesis();
+    // Of this craft the search goes round up to fifty times.
+    let mut fast = Model::thesis();
+    fast.terms.retain(|term| !matches!(term.effect, Effect::FlappingMoment | Effect::RateCoupling));
+    fast.set(Effect::Thrust, &[0.0179]);
+    fast.set(Effect::LinearDrag, &[-0.264, -0.288, -0.304]);
+    let [roll, pitch, yaw] = [0.607, 0.649, 0.254];
+    let moments = [roll, roll, roll, roll, pitch, pitch, pitch, pitch, yaw, -yaw, yaw, -yaw];
+    fast.set(Effect::RotorMoments, &moments);
+    write_model(folder.path(), &fast);
+    let at = |trim: &str| {
+        std::fs::write(folder.path().join("trim.toml"), trim).unwrap();
+        let arguments = ["linearize", "--model", "model.toml", "--at", "trim.toml"];
+        (json_in(folder.path(), &arguments), done_in(folder.path(), &arguments))
+    };
+    for speed in [20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0] {
+        let (document, _) = at(&format!("velocity_ned_m_s = [{speed:.1}, 0.0, 0.0]\n"));
+        let state = &document["equilibrium"]["state"];
+        for angle in [6, 7].map(|k| state[k].as_f64().unwrap()) {
+            assert!(angle.abs() <= std::f64::consts::PI, "{speed} m/s: {state}");
+        }
+    }
+    let (document, text) = at("battery_v = 2.0\n");
+    assert_eq!(document["equilibrium"]["within_command_range"], false, "{document}");
+    assert!(text.contains("BEYOND THE COMMAND RANGE: the motors need commands of "), "{text}");
+    let (document, text) = at("");
+    assert_eq!(document["equilibrium"]["within_command_range"], true);
+    assert!(!text.contains("BEYOND"), "{text}");
+}
+
 /// One line, exit status 2, nothing on standard output.
 fn refused(folder: &Path, arguments: &[&str], expected: &[&str]) {
     let output = run_in(folder, arguments);

@@ -258,6 +258,11 @@ fn questions_that_are_none_are_one_line() {
         (with(&PLAN, &["--separate", "mass-change", "steady-wind"]), "cannot be predicted"),
         (with(&PLAN, &["--shrink", "C_x"]), "known are thrust.C_T"),
         (with(&PLAN, &[]), "--separate"),
+        (
+            with(&EXCITE, &["--band", "1", "80", "--out", "p.csv"]),
+            "--band 1 80: the signal is sampled at 100 Hz, which shows only frequencies below 50 Hz",
+        ),
+        (with(&EXCITE, &["--signal", "log-sweep", "--band", "1", "50", "--out", "p.csv"]), "--band 1 50: "),
         (with(&PLAN, &["--shrink", "C_du", "--duration", "1"]), "8 to 600 seconds"),
         (with(&EXCITE, &["--path", "loop", "--out", "p.csv"]), "no such path; known are hover"),
         (with(&EXCITE, &["--band", "5", "1", "--out", "p.csv"]), "widen the band"),

@@ -6,6 +6,7 @@
 //! cannot hover has no small one.
 
 use std::cell::Cell;
+use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 use argmin::core::{CostFunction, Executor, Gradient, State as _};
@@ -266,7 +267,9 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
     }
     let hover_rad2_s2 = dynamics.mass_kg * dynamics.gravity_m_s2 / per_square;
     let search = Search::new(dynamics, *target, hover_rad2_s2);
-    let (best, mut cost, iterations) = least_cost(&search)?;
+    let (mut best, mut cost, iterations) = least_cost(&search)?;
+    // The search may go round: of equal angles, those within half a turn.
+    best[..2].iter_mut().for_each(|angle| *angle = (*angle + PI).rem_euclid(TAU) - PI);
     if !cost.is_finite() {
         cost = search.cost(&best).unwrap_or(f64::INFINITY);
     }

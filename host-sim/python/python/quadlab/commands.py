@@ -904,8 +904,10 @@ def excite(
     signal: Signal that is added to the motor commands.
     amplitude: Amplitude, in command units, of a sine with the same power [default: 1.5 % of the command
         range].
-    band: Lowest and highest frequency of multisines and sweeps, Hz.
-    duration: Duration, s; also the period of a multisine.
+    band: Lowest and highest frequency of multisines and sweeps, Hz; the highest below half the sampling
+        rate.
+    duration: Duration, s; also the period of a multisine. Making a multisine of 60 s takes seconds, one
+        of 300 s minutes.
     seed: Seed of random sines, phases and the tour.
     pattern: Assess this pattern file instead of making one.
     out: Pattern file to write.

@@ -1,7 +1,7 @@
 //! Progress on standard error: a bar where a person watches, a plain line now and then where no terminal is (a log, a pipe),
 //! nothing with `--json`.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -10,6 +10,9 @@ use indicatif::{ProgressBar, ProgressStyle};
 const FIRST_LINE: Duration = Duration::from_secs(10);
 /// Between one line and the next.
 const NEXT_LINE: Duration = Duration::from_secs(30);
+
+/// Between one look at whether a line is due and the next.
+const LOOK: Duration = Duration::from_millis(500);
 
 /// How far a piece of work is.
 pub(crate) struct Progress {
@@ -36,6 +39,26 @@ pub(crate) fn spinner(json: bool) -> Progress {
         progress.bar.enable_steady_tick(Duration::from_millis(100));
     }
     progress
+}
+
+/// Does long work that cannot say how far it is, and shows that it goes on.
+pub(crate) fn during<T>(message: &str, json: bool, work: impl FnOnce() -> T) -> T {
+    let progress = spinner(json);
+    progress.set_message(message);
+    let made = std::thread::scope(|scope| {
+        let (working, ended) = mpsc::channel::<()>();
+        let progress = &progress;
+        scope.spawn(move || {
+            while ended.recv_timeout(LOOK) == Err(mpsc::RecvTimeoutError::Timeout) {
+                progress.line();
+            }
+        });
+        let made = work();
+        drop(working);
+        made
+    });
+    progress.finish_and_clear();
+    made
 }
 
 impl Progress {
@@ -166,6 +189,12 @@ mod tests {
         assert!(second > first);
         progress.set_steps(0, 4);
         assert!(began() > second);
+    }
+
+    #[test]
+    fn work_beside_a_spinner_gives_what_it_made() {
+        assert_eq!(during("counting", false, || 6 * 7), 42);
+        assert_eq!(during("counting", true, || 6 * 7), 42);
     }
 
     #[test]

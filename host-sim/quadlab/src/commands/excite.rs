@@ -19,6 +19,7 @@ use sil::predict::{Course, Foreseen, Predictor, Prospect};
 
 use crate::cli::next_flight::predictor;
 use crate::cli::output::{Outcome, OutputOptions, provenance};
+use crate::cli::progress;
 use crate::render::excite_page;
 
 /// Write an informative flight pattern, and predict how well it determines the model's coefficients.
@@ -52,11 +53,11 @@ pub(crate) struct Options {
     #[arg(long, value_name = "COMMAND", allow_negative_numbers = true)]
     amplitude: Option<f64>,
 
-    /// Lowest and highest frequency of multisines and sweeps, Hz
+    /// Lowest and highest frequency of multisines and sweeps, Hz; the highest below half the sampling rate
     #[arg(long, value_name = "HZ", num_args = 2, default_values_t = BAND_HZ)]
     band: Vec<f64>,
 
-    /// Duration, s; also the period of a multisine
+    /// Duration, s; also the period of a multisine. Making a multisine of 60 s takes seconds, one of 300 s minutes
     #[arg(long, value_name = "S", default_value_t = 20.0)]
     duration: f64,
 
@@ -100,6 +101,10 @@ enum ExciteError {
     NoPath { given: String, known: String },
     #[error("--duration {0}: give 8 to 600 seconds")]
     Duration(f64),
+    #[error(
+        "--band {} {}: the signal is sampled at {rate_hz} Hz, which shows only frequencies below {} Hz; give a lower band", .band_hz[0], .band_hz[1], 0.5 * rate_hz
+    )]
+    Band { band_hz: [f64; 2], rate_hz: f64 },
     #[error("--amplitude {0}: give a positive number of command units, at most half the command range")]
     Amplitude(f64),
 }
@@ -164,7 +169,9 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
         Some(pattern) => pattern,
         None => made(options, predictor.config())?,
     };
-    let foreseen = predictor.foresee(&pattern)?;
+    let json = options.output.json;
+    let foreseen =
+        progress::during("flying the pattern in simulation", json, || predictor.foresee(&pattern))?;
     let document = document(options, &predictor, &pattern, &foreseen);
     let holds = document.flight.trouble.is_none();
     if let (Some(out), true) = (&options.out, holds) {
@@ -199,6 +206,11 @@ fn made(options: &Options, config: &Config) -> anyhow::Result<Pattern> {
         return Err(ExciteError::NoPath { given: options.path.clone(), known }.into());
     };
     let band_hz = [options.band[0], options.band[1]];
+    let rate_hz = 1.0 / config.sample_time_s;
+    let has_band = !matches!(options.signal, Word::Thesis | Word::None);
+    if has_band && !(band_hz[1] < 0.5 * rate_hz) {
+        return Err(ExciteError::Band { band_hz, rate_hz }.into());
+    }
     let signal = match options.signal {
         Word::Thesis => Signal::Thesis,
         Word::Multisine => Signal::Multisine,
@@ -208,7 +220,9 @@ fn made(options: &Options, config: &Config) -> anyhow::Result<Pattern> {
     };
     let injection = Injection { signal, amplitude, band_hz, seed: options.seed };
     let path = options.out.as_deref().unwrap_or(Path::new("pattern"));
-    Ok(manoeuvre.pattern(&injection, config.sample_time_s, options.duration, path)?)
+    // The phases of a multisine take a time that grows with the square of its duration.
+    let make = || manoeuvre.pattern(&injection, config.sample_time_s, options.duration, path);
+    Ok(progress::during("making the signal", options.output.json, make)?)
 }
 
 fn document(options: &Options, predictor: &Predictor, pattern: &Pattern, foreseen: &Foreseen) -> Document {

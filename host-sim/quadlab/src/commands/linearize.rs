@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use design::Complex;
 use design::plant::{CANCEL_TOLERANCE, Channel, Linear};
 use design::plant::{INPUT_UNITS, INPUTS, STATE_UNITS, STATES, TrimTarget};
-use model::Model;
+use model::{Model, Plant};
 use report::significant;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -61,6 +61,12 @@ struct EquilibriumEntry {
     state: [f64; 12],
     input: [f64; 4],
     rotor_rad_s: [f64; 4],
+    /// Motor commands that the rotors need, in command units; absent where the vehicle file has no motor map.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    command: Option<[f64; 4]>,
+    /// Whether these are in the vehicle's command range.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    within_command_range: Option<bool>,
     battery_v: f64,
 }
 
@@ -113,6 +119,30 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     Ok(Outcome::done(text(&model, &linear, &channels)))
 }
 
+/// Motor commands that hold the equilibrium, where the vehicle file can tell them.
+fn commands(model: &Model, linear: &Linear) -> Option<[f64; 4]> {
+    let e = &linear.equilibrium;
+    let plant = || Plant::new(model).command_for(&e.rotor_rad_s, e.battery_v);
+    model.vehicle.can_map_commands().then(plant)
+}
+
+fn is_within_range(model: &Model, command: &[f64; 4]) -> bool {
+    let [low, high] = model.vehicle.motors.command_range;
+    command.iter().all(|command| (low..=high).contains(command))
+}
+
+/// That the craft cannot fly at the equilibrium.
+fn beyond_range(model: &Model, linear: &Linear) -> Option<String> {
+    let command = commands(model, linear).filter(|command| !is_within_range(model, command))?;
+    let [low, high] = model.vehicle.motors.command_range;
+    Some(format!(
+        "BEYOND THE COMMAND RANGE: the motors need commands of {} {}, and the vehicle takes {low} to {high}; the craft cannot hold this \
+         equilibrium",
+        command.map(|command| format!("{command:.0}")).join(" "),
+        model.vehicle.motors.command_unit
+    ))
+}
+
 fn named(names: &'static [&'static str], units: &'static [&'static str]) -> Vec<Named> {
     names.iter().zip(units).map(|(name, unit)| Named { name, unit }).collect()
 }
@@ -123,6 +153,7 @@ fn rows(count: usize, columns: usize, entry: impl Fn(usize, usize) -> f64) -> Ve
 
 fn document(options: &Options, model: &Model, linear: &Linear, channels: &[Channel]) -> Document {
     let e = &linear.equilibrium;
+    let command = commands(model, linear);
     let moved = linear.b_derivative.iter().any(|x| *x != 0.0);
     Document {
         vehicle: model.vehicle.name.clone(),
@@ -132,6 +163,8 @@ fn document(options: &Options, model: &Model, linear: &Linear, channels: &[Chann
             state: e.state,
             input: e.inputs,
             rotor_rad_s: e.rotor_rad_s,
+            command,
+            within_command_range: command.map(|command| is_within_range(model, &command)),
             battery_v: e.battery_v,
         },
         states: named(&STATES, &STATE_UNITS),
@@ -193,6 +226,9 @@ pub(crate) fn text(model: &Model, linear: &Linear, channels: &[Channel]) -> Stri
         model.rotor_quantity().unit(),
         number(e.battery_v)
     );
+    if let Some(beyond) = beyond_range(model, linear) {
+        let _ = writeln!(text, "  {beyond}");
+    }
     matrix(&mut text, "A", &STATES, |i, j| linear.a[(i, j)]);
     matrix(&mut text, "B", &INPUTS, |i, j| linear.b[(i, j)]);
     if linear.b_derivative.iter().any(|x| *x != 0.0) {
