@@ -7,7 +7,7 @@ use model::Model;
 use serde::{Deserialize, Serialize};
 
 use crate::error::CampaignError;
-use crate::truncation;
+use crate::normal::Normal;
 
 /// What a campaign is to fly.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
@@ -48,16 +48,6 @@ pub enum Spread {
 pub enum Samples {
     /// Evenly among these, both included.
     Range([u32; 2]),
-}
-
-/// A normal distribution.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Normal {
-    /// Mean.
-    pub mean: f64,
-    /// Standard deviation.
-    pub deviation: f64,
 }
 
 /// What is not known of a craft, its air, its battery and its sensors. What is left out is as in the model and the scenario.
@@ -151,7 +141,7 @@ impl Unknown {
                 }
                 Some(Spread::Range(ends)) if !ends.into_iter().all(is_within) => beyond(limits),
                 Some(Spread::Normal(normal)) if !is_within(normal.mean) => beyond(limits),
-                Some(Spread::Normal(normal)) => match truncation::refused(normal, limits) {
+                Some(Spread::Normal(normal)) => match normal.refused(limits) {
                     Some(why) => why,
                     None => continue,
                 },

@@ -263,7 +263,7 @@ impl Drawn {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::definition::Normal;
+    use crate::normal::Normal;
 
     fn unknown() -> Unknown {
         Unknown {

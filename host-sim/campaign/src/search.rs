@@ -17,9 +17,10 @@ use serde::Serialize;
 
 use crate::case::Flown;
 use crate::causes::{Causes, Needed, is_whole};
-use crate::definition::{Normal, Samples, Spread, Unknown, limits};
+use crate::definition::{Samples, Spread, Unknown, limits};
 use crate::draw::{DELAY, Drawn, Input, parts};
 use crate::error::CampaignError;
+use crate::normal::Normal;
 use crate::part::together;
 use crate::plan::{Case, Plan, Ready};
 
