@@ -27,7 +27,6 @@
 //! [`PoseLimits::cut_after_s`]: crate::config::supervision_limits::PoseLimits::cut_after_s
 //! [`Landing::blind_offset_m`]: crate::config::supervision_limits::Landing::blind_offset_m
 
-use crate::allocation::mixer::Directions;
 use crate::config::error::ConfigError;
 use crate::config::gains::Config;
 use crate::inputs::input_checks::is_finite;
@@ -304,12 +303,11 @@ impl Autopilot {
 
     /// What happened since the tick before.
     fn since(&self, gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) -> Since {
-        let Tick { terms, refused, .. } = &self.flight.tick;
-        let limits = &self.limits.hover;
+        let (tick, limits) = (&self.flight.tick, &self.limits.hover);
+        let terms = &tick.terms;
         let flies_by_forces = limits.are_forces() && !self.state.motors_idle();
         let lift = flies_by_forces.then(|| Lift {
-            thrust: (refused.thrust == Directions::NONE)
-                .then(|| HoverThrust::vertical(terms.thrust, terms.attitude_rad, limits)),
+            thrust: HoverThrust::vertical(self.controller.given_thrust(tick), terms.attitude_rad, limits),
             hover: self.hover.value(limits),
         });
         let silent = self.detectors.pose.late;
@@ -474,6 +472,7 @@ impl Autopilot {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::allocation::mixer::Directions;
 
     const HOVER: Readings = Readings {
         time_us: 0,

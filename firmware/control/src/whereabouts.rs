@@ -29,11 +29,10 @@ pub(crate) struct Since {
     pub(crate) lift: Option<Lift>,
 }
 
-/// The vertical thrust that was commanded, and what carries the craft, both in N.
+/// The vertical thrust of the motor commands, and what carries the craft, both in N.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Lift {
-    /// Unknown where the motors refused some of it.
-    pub(crate) thrust: Option<f32>,
+    pub(crate) thrust: f32,
     /// Now; what counts is what it was when poses became late.
     pub(crate) hover: f32,
 }
@@ -193,8 +192,7 @@ impl Whereabouts {
     /// A height that is carried goes on by what the motors were told.
     fn go_on_by_motors(&mut self, since: &Since) {
         let Some((height, hover)) = &mut self.height else { return };
-        let thrust = since.lift.and_then(|lift| lift.thrust);
-        let commanded_m_s2 = thrust.map_or(0.0, |thrust| GRAVITY_M_S2 * (1.0 - thrust / *hover));
+        let commanded_m_s2 = since.lift.map_or(0.0, |lift| GRAVITY_M_S2 * (1.0 - lift.thrust / *hover));
         height.go_on(commanded_m_s2, since.elapsed_us);
     }
 }
@@ -204,7 +202,7 @@ mod tests {
     use super::*;
 
     const GYRO_RAD_S: Option<[f32; 3]> = Some([0.0, 0.0, 0.3]);
-    const HOVERS: Option<Lift> = Some(Lift { thrust: Some(12.0), hover: 12.0 });
+    const HOVERS: Option<Lift> = Some(Lift { thrust: 12.0, hover: 12.0 });
 
     /// A craft that climbs at 0.5 m/s and turns at 0.3 rad/s, as its motors tell.
     fn truth(time_s: f32) -> Pose {
@@ -317,26 +315,25 @@ mod tests {
         }
     }
 
-    /// More thrust than carries it is an acceleration, by Newton's law; thrust that was refused is none that is known.
+    /// More thrust than carries it is an acceleration, by Newton's law.
     #[test]
-    fn the_height_follows_the_thrust_that_was_commanded() {
+    fn the_height_follows_the_thrust_of_the_motors() {
         let mut whereabouts = Whereabouts::UNKNOWN;
         let lift = |thrust| Some(Lift { thrust, hover: 12.0 });
-        let still = Since { z_rate_m_s: 0.0, ..since(false, lift(Some(12.0))) };
+        let still = Since { z_rate_m_s: 0.0, ..since(false, lift(12.0)) };
         let pose = truth(0.0);
         whereabouts.counts_as_it_comes(80_000);
         whereabouts.see_again(&pose, 80_000, &still);
         whereabouts.see(&pose);
         for _ in 0..10 {
             // What carries it now is not what counts.
-            let up = Lift { thrust: Some(18.0), hover: 15.0 };
-            whereabouts.go_blind(&Since { lift: Some(up), ..still });
+            whereabouts.go_blind(&Since { lift: Some(Lift { thrust: 18.0, hover: 15.0 }), ..still });
         }
         let [_, _, up_m] = whereabouts.position_m();
         // Half its weight more, for 0.1 s.
         assert!((up_m - (-1.0 - 0.5 * 0.5 * 9.81 * 0.01)).abs() < 1e-4, "{up_m}");
         for _ in 0..10 {
-            whereabouts.go_blind(&Since { lift: lift(None), ..still });
+            whereabouts.go_blind(&Since { lift: lift(12.0), ..still });
         }
         let [_, _, on_m] = whereabouts.position_m();
         assert!((on_m - (up_m - 0.5 * 9.81 * 0.1 * 0.1)).abs() < 1e-4, "{on_m}");

@@ -205,30 +205,44 @@ pub struct AtEnd {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Mixer {
     pub(crate) rows: [Row; 4],
+    /// Thrust of 1 of each rotor: the first row of K.
+    thrust_of_each: [f32; 4],
 }
 
 impl Mixer {
     /// The inverse mixing matrix that a configuration describes.
     ///
     /// # Errors
-    /// [`ConfigError::SingularMixing`] if a matrix to be inverted has no inverse.
+    /// [`ConfigError::SingularMixing`] if the matrix has no inverse.
     pub fn new(mixing: &Mixing) -> Result<Self, ConfigError> {
-        let rows = match mixing {
-            Mixing::Inverse(rows) => *rows,
-            Mixing::Matrix(matrix) => inverse(matrix)?,
-            Mixing::Coefficients(coefficients) => inverse(&effectiveness(coefficients))?,
+        let (rows, matrix) = match mixing {
+            Mixing::Inverse(rows) => (*rows, inverse(rows)?),
+            Mixing::Matrix(matrix) => (inverse(matrix)?, *matrix),
+            Mixing::Coefficients(coefficients) => {
+                let matrix = effectiveness(coefficients);
+                (inverse(&matrix)?, matrix)
+            }
         };
-        Ok(Self::from_rows(&rows))
+        let [thrust_of_each, ..] = matrix;
+        Ok(Self::from_rows(&rows, &thrust_of_each))
     }
 
     /// The sign matrix of thesis (4.5), for the hand-tuned law.
     pub fn signs() -> Self {
-        Self::from_rows(&SIGN_MATRIX)
+        // Its columns are orthogonal and of length 2: its inverse is a quarter of it, turned over.
+        Self::from_rows(&SIGN_MATRIX, &[0.25; 4])
     }
 
-    fn from_rows(rows: &[[f64; 4]; 4]) -> Self {
+    fn from_rows(rows: &[[f64; 4]; 4], thrust_of_each: &[f64; 4]) -> Self {
         let [a, b, c, d] = rows;
-        Self { rows: [Row::new(a), Row::new(b), Row::new(c), Row::new(d)] }
+        let rows = [Row::new(a), Row::new(b), Row::new(c), Row::new(d)];
+        Self { rows, thrust_of_each: thrust_of_each.map(|thrust| thrust as f32) }
+    }
+
+    /// The thrust of these squared rotor speeds (or commands): what [`Mixer::mix`] was given, where no rotor is at an end.
+    #[cold]
+    pub fn thrust(&self, squared: [f32; 4]) -> f32 {
+        self.thrust_of_each.iter().zip(squared).map(|(thrust, one)| thrust * one).sum()
     }
 
     /// The product with `[thrust, roll, pitch, yaw]`: a squared rotor speed (or a command) for each
@@ -355,6 +369,30 @@ mod tests {
         }
     }
 
+    proptest! {
+        /// Of what was mixed the thrust is the one that was asked for, however the mixing is given. Rounding of f32, in units of the
+        /// torques' parts of up to 5 N.
+        #[test]
+        fn the_thrust_of_what_was_mixed_is_the_one_asked_for(thrust in 1.0_f32..25.0, torque in prop::array::uniform3(-20.0_f32..20.0)) {
+            let matrix = effectiveness(&THESIS_ROTORS);
+            for mixing in [Mixing::Inverse(THESIS_INVERSE_MIXING), Mixing::Matrix(matrix), Mixing::Coefficients(THESIS_ROTORS)] {
+                let mixer = Mixer::new(&mixing).unwrap();
+                let back = mixer.thrust(mixer.mix(thrust, torque));
+                prop_assert!((back - thrust).abs() < 1e-4, "{mixing:?}: {back} for {thrust}");
+            }
+            let signs = Mixer::signs();
+            prop_assert!((signs.thrust(signs.mix(thrust, torque)) - thrust).abs() < 1e-4);
+        }
+    }
+
+    /// An inverse of nothing.
+    #[test]
+    fn an_inverse_without_a_matrix_is_refused() {
+        let mut rows = THESIS_INVERSE_MIXING;
+        rows[3] = rows[2];
+        assert_eq!(Mixer::new(&Mixing::Inverse(rows)), Err(ConfigError::SingularMixing));
+    }
+
     /// More left thrust rolls right, more front thrust pitches up, faster 1 and 3 yaw right.
     #[test]
     fn each_axis_speeds_up_its_rotors() {
@@ -451,7 +489,7 @@ mod tests {
             // Each rotor answers the axes in another order.
             let rows: [[f64; 4]; 4] =
                 core::array::from_fn(|rotor| core::array::from_fn(|axis| entries[(rotor + axis) % 4]));
-            let mixer = Mixer::from_rows(&rows);
+            let mixer = Mixer::from_rows(&rows, &[1.0; 4]);
             for ends in 0..256_u32 {
                 let at_end: [AtEnd; 4] = core::array::from_fn(|rotor| AtEnd {
                     high: ends >> (2 * rotor) & 1 != 0,

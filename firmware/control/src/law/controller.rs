@@ -208,6 +208,17 @@ impl Controller {
         }
     }
 
+    /// The thrust of a tick's motor commands at the voltage that it was made for, N (or command units): less or more than was
+    /// commanded where a motor is at an end. The rotors' lag is not in it.
+    #[cold]
+    pub(crate) fn given_thrust(&self, tick: &Tick) -> f32 {
+        let Laws { mixer, motor_map, .. } = &self.laws;
+        mixer.thrust(match motor_map {
+            Some(map) => tick.pwm.map(|command| map.squared_speed(command, tick.terms.battery_v)),
+            None => tick.pwm,
+        })
+    }
+
     /// The next attitude and the next z are off by so much, rad and m, by no motion: the rates go on
     /// as they were.
     #[cold]
@@ -737,6 +748,37 @@ mod tests {
         assert!(!tick.refused.thrust.low() && !tick.refused.roll.low() && !tick.refused.pitch.high());
     }
 
+    /// What the motors give is what was asked for, as long as they have it; at their end, with 2000 us at 11.1 V, four rotors of
+    /// 860.52 rad/s (reference numbers) with the first row of K. The printed map is 0.04 rad/s off its inverse.
+    #[test]
+    fn the_given_thrust_is_that_of_the_motor_commands() {
+        let mut controller = thesis();
+        let tick = controller.tick(&HOVER, &Command { attitude_rad: [0.05, -0.03], z_m: -1.1, ..STAY });
+        assert!(!tick.refused.any());
+        let given_n = controller.given_thrust(&tick);
+        assert!((given_n - tick.terms.thrust).abs() < 1e-3, "{given_n} N of {}", tick.terms.thrust);
+        let deep = Measurement { position_m: [0.0, 0.0, 0.5], ..HOVER };
+        let mut full = Tick::default();
+        (0..30).for_each(|_| full = controller.tick(&deep, &STAY));
+        assert_eq!(full.pwm, [2000.0; 4]);
+        let [per_square, ..] =
+            crate::allocation::mixer::inverse(&crate::thesis::THESIS_INVERSE_MIXING).unwrap();
+        let want_n = per_square.iter().sum::<f64>() * 860.52 * 860.52;
+        let given_n = f64::from(controller.given_thrust(&full));
+        assert!((given_n / want_n - 1.0).abs() < 2e-4, "{given_n} N for {want_n}");
+        assert!(full.terms.thrust > 25.0 && want_n < 22.5, "{} {want_n}", full.terms.thrust);
+    }
+
+    /// A law in command units gives the mean of its commands.
+    #[test]
+    fn the_given_thrust_of_a_law_in_command_units_is_a_command() {
+        let mut controller = Controller::new(&Config::thesis_hand_tuned()).unwrap();
+        let tick = controller.tick(&HOVER, &Command { attitude_rad: [0.02, 0.01], ..STAY });
+        assert!(!tick.refused.any());
+        let given = controller.given_thrust(&tick);
+        assert!((given - tick.terms.thrust).abs() < 1e-3, "{given} for {}", tick.terms.thrust);
+    }
+
     /// Saturation flows backwards: with the rotors at their end the integral stands, without
     /// anti-windup it runs.
     #[test]
@@ -986,8 +1028,8 @@ mod tests {
         law.mixing = crate::config::gains::Mixing::Inverse([
             [3e4, 0.0, 0.0, 0.0],
             [0.0, -1e3, 0.0, 0.0],
-            [3e4, 1e3, 0.0, 0.0],
-            [3e4, 1e3, 0.0, 0.0],
+            [3e4, 1e3, 1e3, 0.0],
+            [3e4, 1e3, 0.0, 1e3],
         ]);
         let mut controller = Controller::new(&config).unwrap();
         // 18 N/m at half a metre.

@@ -3,7 +3,8 @@
 //!
 //! A late height makes the altitude loop oscillate: under the thesis' gains 0.1 s is too much. Adding
 //! the rate times the delay does not help, since the rate is as late as the height. But the craft
-//! knows what thrust it has asked for. So an observer carries height and rate on by the acceleration
+//! knows what its motors were told: with motors at their end, as in a take-off, that is less thrust
+//! than was asked for. So an observer carries height and rate on by the acceleration
 //! that was commanded, and each late pose corrects them by its distance from the height that was held
 //! for its moment. The correction is slow beside the loop and the delay ([`CORRECTS_RAD_S`]): quicker
 //! motions are the motors' own, and slower ones do not mind the delay. A third state holds the
