@@ -33,6 +33,8 @@ pub(crate) const RISE_PERCENT: f64 = 5.0;
 const HARM_PERCENT: f64 = 33.0;
 /// Fewest swings of a load over one stretch of a flight: the free beginning of one or two follows any slow drift of a tracker or a trim.
 const SWINGS: f64 = 3.0;
+/// How far under the floor a cable may end, m: the floor of a log need not be exactly at zero.
+const DEEPEST_M: f64 = 1.0;
 /// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.
 const IMPOSSIBLE_ERRORS: f64 = 2.0;
 
@@ -228,6 +230,20 @@ pub(crate) const RULES: &[Rule] = &[
         },
         objection: |e, _, most| impossible(e, most),
     },
+    Rule {
+        question: "ends within reach: distance of the cable's end from the flights, less two standard errors",
+        unit: "m",
+        at_most: true,
+        figures: |e| e.finding.anchor.map(|anchor| (anchor.distance_m, anchor.reach_m)),
+        objection: |e, _, _| no_anchor(e),
+    },
+    Rule {
+        question: "ends above ground: depth of the cable's end under the floor, less two standard errors",
+        unit: "m",
+        at_most: true,
+        figures: |e| e.finding.anchor.map(|anchor| (anchor.depth_m, DEEPEST_M)),
+        objection: |e, _, _| no_anchor(e),
+    },
 ];
 
 /// Every rule that applies, with what was found and what is needed.
@@ -307,6 +323,11 @@ fn not_borne_out(evidence: &Evidence<'_>, p_value: Option<f64>) -> Reason {
 fn beyond(figures: &CoefficientFigures, std_error: f64) -> f64 {
     let (low, high) = figures.possible;
     (low - figures.value).max(figures.value - high).max(0.0) / std_error.max(f64::MIN_POSITIVE)
+}
+
+fn no_anchor(evidence: &Evidence<'_>) -> Reason {
+    let place = evidence.finding.anchor.map(|anchor| anchor.place_ned_m);
+    place.map_or(Reason::LikeChance, |place_ned_m| Reason::NoAnchor { place_ned_m })
 }
 
 /// The first coefficient that is impossible.

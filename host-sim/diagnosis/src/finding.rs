@@ -7,6 +7,7 @@ use model::{Axis, Coefficient, Effect, Model, NotIdentified, PerGroup};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::anchor::Anchor;
 use crate::figures::rms_fall_percent;
 use crate::reason::{Dependence, Reason};
 
@@ -93,6 +94,12 @@ pub struct EffectFinding {
     /// Swings of a slung load in the longest stretch that it was followed over.
     #[serde(skip)]
     pub(crate) swings: Option<f64>,
+    /// Where the cable ends that it would be.
+    #[serde(skip)]
+    pub(crate) anchor: Option<Anchor>,
+    /// Logarithm of the held-out likelihood ratio of each axis.
+    #[serde(skip)]
+    pub(crate) gain_of: [f64; 6],
     /// The motor, for a change of one motor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motor: Option<u8>,
@@ -117,6 +124,8 @@ impl EffectFinding {
             rise: None,
             harm_percent: 0.0,
             swings: None,
+            anchor: None,
+            gain_of: [0.0; 6],
             motor: None,
         }
     }

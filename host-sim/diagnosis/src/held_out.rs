@@ -7,6 +7,7 @@ use sysid::prepare::Prepared;
 use sysid::statistics::Blocks;
 use sysid::{Fit, FitError, Residuals, errors, has_rotation, residuals};
 
+use crate::anchor::Anchor;
 use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::reason::Reason;
@@ -76,6 +77,7 @@ pub(crate) fn examine_along(
         .map(|(c, e)| CoefficientFigures::new(c, e.value, e.std_error.unwrap_or(0.0), &with.fit.model))
         .collect();
     finding.swings = swings(&with.fit.model, effect, &[train, validate].concat());
+    finding.anchor = Anchor::of(&finding, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
     take_gain(&mut finding, (axes, &with.fit.sigma), validate, (&without.held_out, &with.held_out));
     (finding.supported, finding.reason) = weigh(&Evidence::missing(&finding, &with.fit.model));
@@ -145,7 +147,8 @@ pub(crate) fn take_gain(
     finding.rise = rises.into_iter().max_by(|one, other| one.1.total_cmp(&other.1));
     finding.drop_percent = if total > 0.0 { 100.0 * fall / total } else { 0.0 };
     finding.held_out_p_value = Some(blocks.p_value());
-    finding.gain = log_likelihood_ratio(&errors_before, &errors_after);
+    finding.gain_of = log_likelihood_ratios(&errors_before, &errors_after);
+    finding.gain = finding.gain_of.iter().sum();
 }
 
 /// What rises of the squared error of some axes take, percent of what the falls of the others add: logarithms, as of likelihoods.
@@ -179,11 +182,13 @@ fn rise(
     (blocks.p_value() <= HELD_OUT_SIGNIFICANCE).then_some((axis, percent))
 }
 
-/// Logarithm of the likelihood ratio of two models of the same flights, Gaussian residuals: sum over the axes of
-/// n/2 ln(sse before / sse after). Effects that act on different axes are compared by it, whatever the axes' noise.
-fn log_likelihood_ratio(before: &PerAxis<AxisError>, after: &PerAxis<AxisError>) -> f64 {
-    let ratio = |a: model::Axis| 0.5 * before[a].samples as f64 * (before[a].sse / after[a].sse).ln();
-    model::AXES.into_iter().map(ratio).filter(|r| r.is_finite()).sum()
+/// Logarithms of the likelihood ratios of two models of the same flights, Gaussian residuals: n/2 ln(sse before / sse after) of each axis.
+/// Effects that act on different axes are compared by their sums, whatever the axes' noise.
+fn log_likelihood_ratios(before: &PerAxis<AxisError>, after: &PerAxis<AxisError>) -> [f64; 6] {
+    model::AXES.map(|axis| {
+        let ratio = 0.5 * before[axis].samples as f64 * (before[axis].sse / after[axis].sse).ln();
+        if ratio.is_finite() { ratio } else { 0.0 }
+    })
 }
 
 #[cfg(test)]
@@ -201,7 +206,7 @@ mod tests {
                 ..AxisError::default()
             })
         };
-        let found = log_likelihood_ratio(&all(4.0), &all(1.0));
+        let found = log_likelihood_ratios(&all(4.0), &all(1.0)).iter().sum::<f64>();
         assert!((found - 3.0 * 100.0 * 2_f64.ln()).abs() < 1e-9, "{found}");
     }
 

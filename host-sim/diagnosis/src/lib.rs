@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod addition;
+mod anchor;
 mod balance;
 mod beginning;
 mod change;

@@ -126,6 +126,11 @@ pub enum Reason {
         /// Smallest and largest possible value.
         possible: (f64, f64),
     },
+    /// It would be a cable that ends where nothing can hold it.
+    NoAnchor {
+        /// North, east, down, m.
+        place_ned_m: [f64; 3],
+    },
     /// Its estimates miss what its own file asks of them.
     OwnRule {
         /// The effect.
@@ -202,6 +207,15 @@ pub enum Reason {
         /// The other.
         other: Change,
     },
+    /// As a change, it leaves more of these flights unexplained than another one.
+    ExplainsLess {
+        /// The other.
+        than: Change,
+        /// The axis on which it leaves most.
+        axis: Axis,
+        /// How much more of the axis' squared error it leaves, percent.
+        percent: f64,
+    },
     /// As a change, it explains the flights as well as the best one.
     RivalOf {
         /// The best.
@@ -268,6 +282,13 @@ impl fmt::Display for Reason {
                 "needs {coefficient} = {}, outside the physically possible range {low} to {high}",
                 with_unit(&significant(*value, 3), unit)
             ),
+            Self::NoAnchor { place_ned_m } => {
+                let [north, east, down] = place_ned_m.map(|metres| fixed(metres, 1));
+                write!(
+                    f,
+                    "the cable would end where nothing can hold it: {north} m north, {east} m east, {down} m down"
+                )
+            }
             Self::OwnRule { effect, first } => {
                 let info = effect.info();
                 let objection = info.special.requirement.map_or("", |rule| rule.objection);
@@ -289,6 +310,7 @@ impl fmt::Display for Reason {
             Self::Refused(refused) => refused.fmt(f),
             Self::WithinScatter { .. }
             | Self::ExplainedBy { .. }
+            | Self::ExplainsLess { .. }
             | Self::RivalOf { .. }
             | Self::Changed { .. }
             | Self::BalanceShifted { .. }
@@ -384,6 +406,10 @@ impl Reason {
                 write!(f, "within the noise and the usual scatter between flights ({})", p_equation(*p_value))
             }
             Self::ExplainedBy { other } => write!(f, "adds nothing once {other} is accounted for"),
+            Self::ExplainsLess { than, axis, percent } => {
+                let more = number::percent(-rms_fall_percent(-*percent));
+                write!(f, "explains less than {than}: with it, the rms error of {axis} is {more} % larger")
+            }
             Self::RivalOf { best } => write!(f, "these flights cannot tell it from {best}"),
             Self::Changed { axes, percent, rivals } => {
                 let (rms, fall) = (rms_of(axes), number::percent(rms_fall_percent(*percent)));

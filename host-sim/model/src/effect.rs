@@ -179,6 +179,8 @@ pub struct Special {
     pub must_be_determined: bool,
     /// Has one coefficient a rotor, of which a change frees one.
     pub one_per_rotor: bool,
+    /// Pulls towards a point that something must hold: its coefficients are a stiffness, then that times the place of the point.
+    pub is_anchored: bool,
     /// Effects that act as they were never seen to once it has come about: in a wind, drag at airspeeds that were not flown before.
     /// As a change, it is fitted together with them.
     pub reveals: &'static [&'static str],
@@ -217,6 +219,7 @@ impl Special {
         seen_by_the_sample: false,
         must_be_determined: false,
         one_per_rotor: false,
+        is_anchored: false,
         reveals: &[],
         can_come_about: |_| true,
         requirement: None,

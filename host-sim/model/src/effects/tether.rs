@@ -31,7 +31,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "steady-wind",
         "hover in opposite corners: a wind pushes the same way everywhere, a cable does not",
     )],
-    special: Special { requirement: Some(PULLS_BACK), ..Special::NOTHING },
+    special: Special { is_anchored: true, requirement: Some(PULLS_BACK), ..Special::NOTHING },
 };
 
 /// A stiffness under this many standard errors is none: it is one of many coefficients that are looked at, and in flights of a
