@@ -207,6 +207,7 @@ impl<'a> Balance<'a> {
         let share = |window: &Window| Share {
             time_s: window.time_s,
             share: weight.dot(&shift(self.record, std::slice::from_ref(window)).value),
+            weight: 1.0,
         };
         let shares: Vec<(String, Vec<Share>)> = self
             .windows

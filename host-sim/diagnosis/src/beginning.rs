@@ -14,6 +14,9 @@ pub(crate) struct Share {
     pub(crate) time_s: f64,
     /// How much of the change the window shows: 0 of nothing, 1 of a change of the size that was found.
     pub(crate) share: f64,
+    /// How much the window tells of that: the inverse of its variance, but for a factor that all windows share. A marker in another
+    /// place shows while the craft turns; before the first turn, a window tells next to nothing.
+    pub(crate) weight: f64,
 }
 
 /// Windows before and after a beginning, without which it is a single outlier; and the least that tell anything.
@@ -46,10 +49,12 @@ pub(crate) fn since(flights: &[(String, Vec<Share>)], between: f64) -> Option<Si
     if throughout - best < 2.0 * (TIE + (count as f64).ln()) {
         return None;
     }
-    let shares: Vec<f64> =
-        flights.iter().flat_map(|(_, windows)| windows).map(|window| window.share).collect();
-    let mean = |shares: &[f64]| shares.iter().sum::<f64>() / shares.len() as f64;
-    if mean(&shares[..from]) > THERE_ALREADY * mean(&shares[from..]) {
+    let windows: Vec<Share> = flights.iter().flat_map(|(_, windows)| windows).copied().collect();
+    let mean = |windows: &[Share]| {
+        let weight: f64 = windows.iter().map(|window| window.weight).sum();
+        windows.iter().map(|window| window.weight * window.share).sum::<f64>() / weight
+    };
+    if mean(&windows[..from]) > THERE_ALREADY * mean(&windows[from..]) {
         return None;
     }
     let likely: Vec<usize> =
@@ -80,15 +85,18 @@ fn moment(places: &[(usize, f64)], k: usize) -> f64 {
     }
 }
 
-/// Standard deviation of a window, from the differences of neighbours: a step between two of them is one of many.
+/// Standard deviation of a window of weight one, from the differences of neighbours: a step between two of them is one of many.
 fn noise(flights: &[(String, Vec<Share>)]) -> Option<f64> {
     let mut differences: Vec<f64> = flights
         .iter()
-        .flat_map(|(_, windows)| windows.windows(2).map(|pair| (pair[1].share - pair[0].share).abs()))
+        .flat_map(|(_, windows)| windows.windows(2))
+        .map(|pair| {
+            let variance = 1.0 / pair[0].weight + 1.0 / pair[1].weight;
+            (pair[1].share - pair[0].share).abs() / variance.sqrt()
+        })
         .collect();
-    // The median of |x| is 0.6745 of a normal deviation, and a difference has two noises.
-    let median = sysid::statistics::median(&mut differences)?;
-    let usual = median / (0.6745 * 2_f64.sqrt());
+    // The median of |x| is 0.6745 of a normal deviation.
+    let usual = sysid::statistics::median(&mut differences)? / 0.6745;
     (usual > 0.0).then_some(usual)
 }
 
@@ -107,14 +115,14 @@ impl<'a> Whitened<'a> {
     fn left(&self, from: usize) -> f64 {
         let (mut yy, mut xy, mut xx, mut first) = (0.0, 0.0, 0.0, 0);
         for (_, windows) in self.flights {
-            let n = windows.len() as f64;
-            let part = self.ratio * self.ratio / (1.0 + n * self.ratio * self.ratio);
+            let weight: f64 = windows.iter().map(|window| window.weight).sum();
+            let part = self.ratio * self.ratio / (1.0 + weight * self.ratio * self.ratio);
             let (mut sum_x, mut sum_y) = (0.0, 0.0);
             for (k, window) in windows.iter().enumerate() {
                 let x = f64::from(u8::from(first + k >= from));
-                let y = window.share;
-                (yy, xy, xx) = (yy + y * y, xy + x * y, xx + x);
-                (sum_x, sum_y) = (sum_x + x, sum_y + y);
+                let (y, w) = (window.share, window.weight);
+                (yy, xy, xx) = (yy + w * y * y, xy + w * x * y, xx + w * x);
+                (sum_x, sum_y) = (sum_x + w * x, sum_y + w * y);
             }
             yy -= part * sum_y * sum_y;
             xy -= part * sum_x * sum_y;
@@ -143,7 +151,7 @@ mod tests {
             let constant = noise(own);
             let window = |k: usize| {
                 let share = shown(index, k) + constant + noise(0.2);
-                Share { time_s: 0.5 + k as f64, share }
+                Share { time_s: 0.5 + k as f64, share, weight: 1.0 }
             };
             (format!("{index}.csv"), (0..*length).map(window).collect())
         };
@@ -181,5 +189,19 @@ mod tests {
         assert!(since(&flights(&[40], 0.1, comes), 0.0).is_some());
         assert_eq!(since(&[], 0.1), None);
         assert_eq!(since(&flights(&[3], 0.1, |_, k| k as f64), 0.1), None);
+    }
+    /// Two windows of a flight show nothing of the change, and tell nothing: they are a hundred times as uncertain as the rest. As
+    /// certain as the rest, they would be a beginning.
+    #[test]
+    fn windows_that_tell_nothing_make_no_beginning() {
+        let with = |weight: f64| {
+            let mut all = flights(&[20, 20, 20], 0.1, |_, _| 1.0);
+            for window in &mut all[0].1[..2] {
+                (window.share, window.weight) = (-1.0, weight);
+            }
+            since(&all, 0.1)
+        };
+        assert_eq!(with(1e-4), None);
+        assert!(with(1.0).is_some());
     }
 }

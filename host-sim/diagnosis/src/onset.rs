@@ -1,12 +1,11 @@
 //! When did a change begin that the rows of every sample show? How much of it each second of the flights shows, from the residual
-//! of the model as it was, along the columns of the change.
+//! of the model as it was, against what the change makes of it.
 
 use std::ops::Range;
 
-use model::Model;
-use sysid::fit::linearise::About;
-use sysid::fit::swing::Known;
+use model::{Axis, Model};
 use sysid::prepare::Prepared;
+use sysid::residuals;
 
 use crate::beginning::{Share, since};
 use crate::change::Change;
@@ -30,30 +29,39 @@ pub(crate) fn onset(
     let scatter = |name: &str| scatter_of(model, change.effect, name).map_or(0.0, |s| s.deviation);
     let along = |c: &CoefficientFigures| (scatter(c.name) * c.value).powi(2);
     let between = finding.coefficients.iter().map(along).sum::<f64>().sqrt() / squares;
-    let of_flight = |flight: &&Prepared| (flight.name.clone(), shares(model, change, &size, flight));
+    let (after, axes) = (with(model, change, &size), finding.judged_axes());
+    let of_flight = |flight: &&Prepared| (flight.name.clone(), shares([model, &after], axes, flight));
     since(&flights.iter().map(of_flight).collect::<Vec<_>>(), between)
 }
 
-/// How much of a change of the given size each window of a flight shows.
-fn shares(model: &Model, change: Change, size: &[f64], flight: &Prepared) -> Vec<Share> {
-    let stride = flight.fit_stride();
-    let About { residuals, columns, .. } =
-        About::new(flight, model, (&[], &[change.effect]), stride, &Known::default());
-    let rows = residuals.residual[0].len();
+/// The model with a change of the given size.
+fn with(model: &Model, change: Change, size: &[f64]) -> Model {
+    let mut values = vec![0.0; change.effect.info().coefficients.len()];
+    for (k, value) in change.coefficients().into_iter().zip(size) {
+        values[k] = *value;
+    }
+    let mut changed = model.clone();
+    changed.set(change.effect, &values);
+    changed
+}
+
+/// How much of a change each window of a flight shows: of what the residual would fall by with all of it. Not of what slopes promise: a
+/// battery's voltage may be shifted and its slope another, and then each acts as much as the other lets it.
+fn shares([before, after]: [&Model; 2], axes: &[Axis], flight: &Prepared) -> Vec<Share> {
+    let [without, with] = [before, after].map(|model| residuals(flight, model));
+    let rows = flight.rows();
     let (mut shown, mut whole) = (vec![0.0; rows], vec![0.0; rows]);
-    for axis in change.effect.info().axes.iter().map(|axis| axis.index()) {
-        let residual = &residuals.residual[axis];
-        let variance = residual.iter().map(|e| e * e).sum::<f64>() / rows.max(1) as f64;
-        for row in 0..rows {
-            let of_change = change.coefficients().into_iter().zip(size);
-            let made: f64 =
-                of_change.filter_map(|(k, value)| Some(columns[k][axis].as_ref()?[row] * value)).sum();
-            shown[row] += made * residual[row] / variance.max(f64::MIN_POSITIVE);
+    for axis in axes.iter().map(|axis| axis.index()) {
+        let left = &without.residual[axis];
+        let variance = left.iter().map(|e| e * e).sum::<f64>() / rows.max(1) as f64;
+        for (row, (left, with)) in left.iter().zip(&with.residual[axis]).enumerate() {
+            let made = left - with;
+            shown[row] += made * left / variance.max(f64::MIN_POSITIVE);
             whole[row] += made * made / variance.max(f64::MIN_POSITIVE);
         }
     }
-    let length = (WINDOW_S / (flight.period_s * stride as f64)).round().max(1.0) as usize;
-    let (times, starts) = (flight.fit_row_times_s(), flight.starts_of_rows(stride));
+    let length = (WINDOW_S / flight.period_s).round().max(1.0) as usize;
+    let (times, starts) = (flight.row_times_s(1), flight.row_starts());
     let ends = starts.iter().skip(1).copied().chain([rows]);
     let pieces = starts.iter().zip(ends).flat_map(|(&start, end)| {
         (start..end)
@@ -65,7 +73,7 @@ fn shares(model: &Model, change: Change, size: &[f64], flight: &Prepared) -> Vec
     let window = |rows: Range<usize>| {
         let all = sum(&whole, &rows);
         let time_s = sum(&times, &rows) / rows.len() as f64;
-        (all > 0.0).then(|| Share { time_s, share: sum(&shown, &rows) / all })
+        (all > 0.0).then(|| Share { time_s, share: sum(&shown, &rows) / all, weight: all })
     };
     pieces.filter_map(window).collect()
 }
@@ -101,5 +109,22 @@ mod tests {
         let since = onset(&truth(), (change, &finding), &flights).unwrap();
         assert_eq!(since.flight, flights[2].name);
         assert_eq!(onset(&truth(), (change, &finding), &flights[2..]), None);
+    }
+    /// The speed per volt has changed by 30 rad/s, about 12.0 V and not the model's 11.9 V, in a flight whose battery falls through both. It
+    /// was there from the first second.
+    #[test]
+    fn a_change_that_passes_through_zero_has_no_beginning() {
+        let mut before = truth();
+        before.reference.battery_v = 11.9;
+        let mut world = before.clone();
+        world.set(Effect::BatteryVoltage, &[30.0, 0.1]);
+        let flights = prepared(&world, 80..81, 25.0, &ORDINARY);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let change = Change { effect: Effect::BatteryVoltage, motor: None };
+        let mut finding = EffectFinding::unsupported(change.effect, 1, Reason::LikeChance);
+        let figures = |(value, c)| CoefficientFigures::new(c, value, 0.1, &before);
+        let coefficients = change.effect.info().coefficients;
+        finding.coefficients = [30.0, 0.1].into_iter().zip(coefficients).map(figures).collect();
+        assert_eq!(onset(&before, (change, &finding), &flights), None);
     }
 }
