@@ -9,7 +9,7 @@ use model::{Effect, Model};
 pub struct Change {
     /// The effect.
     pub effect: Effect,
-    /// Motor number 1 to 4, for a change of one motor.
+    /// Motor number 1 to 4, for a change of one motor; none where each of the four has changed by itself.
     pub motor: Option<u8>,
 }
 
@@ -41,6 +41,7 @@ impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.motor {
             Some(motor) => write!(f, "{} of motor {motor}", self.effect),
+            None if self.effect.info().special.one_per_rotor => write!(f, "{} of all motors", self.effect),
             None => self.effect.fmt(f),
         }
     }

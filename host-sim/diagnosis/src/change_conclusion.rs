@@ -9,14 +9,12 @@ use report::number::{fixed, p_equation, percent, with_error};
 
 use crate::balance::Answer;
 use crate::change::Change;
+use crate::change_rivals::{Found, add_rotors_to};
 use crate::criteria::STRUCTURE_SIGNIFICANCE;
 use crate::figures::rms_of;
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Since, Unexplained, Verdict};
 use crate::reason::{Dependence, Reason, joined};
 use crate::unidentified::{recorded, verdicts_of_change};
-
-/// A change with its evidence.
-pub(crate) type Found = (Change, EffectFinding);
 
 /// What the rows of every sample say.
 pub(crate) struct OfRows {
@@ -24,15 +22,17 @@ pub(crate) struct OfRows {
     pub(crate) findings: Vec<Found>,
     /// When the change began that they name.
     pub(crate) began: Option<Since>,
-    /// What was estimated together with it.
-    pub(crate) together: Vec<Effect>,
+    /// The changes that happened, the named one first.
+    pub(crate) happened: Vec<Change>,
+    /// What was estimated together with them.
+    pub(crate) revealed: Vec<Effect>,
     /// Structure that it leaves.
     pub(crate) left: Vec<Unexplained>,
 }
 
 /// The answer of both.
 pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> Diagnosis {
-    let OfRows { mut findings, began, mut together, mut left } = rows;
+    let OfRows { mut findings, began, mut happened, mut revealed, mut left } = rows;
     let unknown = recorded(model);
     let judged = !unknown.iter().any(|reason| reason.group == Group::Rotation);
     // What a model leaves on an axis that it does not know is no structure of the new flights, but for bursts far above that.
@@ -55,21 +55,32 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
             }
             replace(&mut findings, answer.findings);
             since = answer.since;
-            together.clear();
+            happened.clear();
+            revealed.clear();
         }
     }
     findings.sort_by_key(|(_, finding)| !finding.supported);
+    if let Some((best, finding)) = findings.first_mut().filter(|(_, finding)| !judged && finding.supported) {
+        add_rotors_to(*best, finding);
+    }
     let best = findings.iter().find(|(_, finding)| finding.supported);
+    let also: Vec<&Found> = findings
+        .iter()
+        .filter(|(change, f)| f.supported && happened[1.min(happened.len())..].contains(change))
+        .collect();
     let mut unexplained: Vec<Unexplained> =
         shifted.filter(|_| best.is_none()).into_iter().map(shift_left).collect();
     unexplained.extend(left);
-    let named = best.map(|(change, _)| change.effect);
-    let (verdict, verdicts) = verdicts_of_change(model, (named, &unexplained), visible_loss.is_some());
-    let began = since.as_ref().map_or_else(String::new, beginning);
+    let named: Vec<Effect> = best.into_iter().chain(also.iter().copied()).map(|(c, _)| c.effect).collect();
+    let (verdict, verdicts) = verdicts_of_change(model, (&named, &unexplained), visible_loss.is_some());
+    let subject = best.filter(|_| !also.is_empty()).map(|(change, _)| *change);
+    let began = since.as_ref().map_or_else(String::new, |since| beginning(subject, since));
     Diagnosis {
         verdict,
         verdicts,
-        summary: summary(verdict, best, unexplained.first(), visible_loss) + &with(&together) + &began,
+        summary: summary(verdict, (best, &also), unexplained.first(), visible_loss)
+            + &with(&revealed)
+            + &began,
         effects: findings.into_iter().map(|(_, finding)| finding).collect(),
         unexplained,
         not_identified: unknown,
@@ -89,10 +100,11 @@ fn with(together: &[Effect]) -> String {
     }
 }
 
-/// " It began in flight B.csv at 12.0 s (10.9 to 13.2 s)."
-fn beginning(since: &Since) -> String {
+/// " It began in flight B.csv at 12.0 s (10.9 to 13.2 s).", or "mass-change began ..." where that is one of several changes.
+fn beginning(subject: Option<Change>, since: &Since) -> String {
+    let subject = subject.map_or_else(|| "It".to_owned(), |change| change.to_string());
     let [t, low, high] = [since.t_s, since.t_low_s, since.t_high_s].map(|time_s| fixed(time_s, 1));
-    format!(" It began in flight {} at {t} s ({low} to {high} s).", since.flight)
+    format!(" {subject} began in flight {} at {t} s ({low} to {high} s).", since.flight)
 }
 
 /// The balance's evidence in the place of the other, best first.
@@ -108,11 +120,11 @@ fn shift_left(((axis, share_percent), p_value): ((Axis, f64), f64)) -> Unexplain
 /// The conclusion in sentences.
 fn summary(
     verdict: Verdict,
-    best: Option<&Found>,
+    (best, also): (Option<&Found>, &[&Found]),
     unexplained: Option<&Unexplained>,
     visible_loss: Option<f64>,
 ) -> String {
-    let Some((change, finding)) = best else {
+    let Some(best_found @ (change, finding)) = best else {
         if verdict == Verdict::NotIdentified {
             return "No change can be found: the model's flights do not determine what it would affect."
                 .into();
@@ -127,14 +139,21 @@ fn summary(
         Reason::Changed { rivals, .. } => (rms_fall(finding), rivals.as_slice()),
         _ => (rms_fall(finding), &[][..]),
     };
+    let all: Vec<String> = std::iter::once(best_found)
+        .chain(also.iter().copied())
+        .map(|(change, finding)| format!("{change} ({})", sizes(finding)))
+        .collect();
+    let (things, it) = match also.is_empty() {
+        true => ("one thing has changed", "it".to_owned()),
+        false => ("more than one thing has changed", change.to_string()),
+    };
     let rivals = match rivals.is_empty() {
         true => String::new(),
-        false => format!(" These flights cannot tell it from {}.", joined(rivals, ", ")),
+        false => format!(" These flights cannot tell {it} from {}.", joined(rivals, ", ")),
     };
     format!(
-        "Since the model was fitted, one thing has changed: {change} ({}). With it, {fall} on flights that it was not \
-         estimated from.{rivals}",
-        sizes(finding),
+        "Since the model was fitted, {things}: {}. With {it}, {fall} on flights that it was not estimated from.{rivals}",
+        all.join(" and "),
     )
 }
 
@@ -195,7 +214,7 @@ mod tests {
     }
 
     fn of_rows(findings: Vec<Found>) -> OfRows {
-        OfRows { findings, began: None, together: Vec::new(), left: Vec::new() }
+        OfRows { findings, began: None, happened: Vec::new(), revealed: Vec::new(), left: Vec::new() }
     }
 
     fn answer(findings: Vec<Found>, p_value: f64) -> Answer {
@@ -216,9 +235,9 @@ mod tests {
     fn nothing_that_stands_out_is_said_so_and_what_does_with_its_size_and_rivals() {
         let nothing =
             "No change stands out from the scatter between the flights that the model was fitted to.";
-        assert_eq!(summary(Verdict::Adequate, None, None, None), nothing);
+        assert_eq!(summary(Verdict::Adequate, (None, &[]), None, None), nothing);
         assert_eq!(
-            summary(Verdict::Adequate, None, None, Some(0.0643)),
+            summary(Verdict::Adequate, (None, &[]), None, Some(0.0643)),
             format!("{nothing} A motor that had lost 6.4 % of its thrust would have stood out.")
         );
         let mut named = found(Effect::MassChange, None, true);
@@ -229,18 +248,18 @@ mod tests {
         let rivals = vec![Change { effect: Effect::MotorEfficiency, motor: Some(2) }];
         named.1.reason = Reason::Changed { axes: Effect::MassChange.info().axes, percent: 61.27, rivals };
         assert_eq!(
-            summary(Verdict::MissingEffect, Some(&named), None, None),
+            summary(Verdict::MissingEffect, (Some(&named), &[]), None, None),
             "Since the model was fitted, one thing has changed: mass-change (extra_mass = 0.151 ± 0.012 kg). With it, \
              the rms error of w falls by 37.8 % on flights that it was not estimated from. These flights \
              cannot tell it from motor-efficiency of motor 2."
         );
         named.1.reason = Reason::BalanceShifted { percent: 61.27, rivals: Vec::new() };
         assert!(
-            summary(Verdict::MissingEffect, Some(&named), None, None).ends_with(
+            summary(Verdict::MissingEffect, (Some(&named), &[]), None, None).ends_with(
                 "61.3 % of the shift in the rotors' steady balance is explained, on flights that it was not estimated from."
             ),
             "{}",
-            summary(Verdict::MissingEffect, Some(&named), None, None)
+            summary(Verdict::MissingEffect, (Some(&named), &[]), None, None)
         );
     }
 

@@ -1,7 +1,7 @@
 //! The model was good once: what has changed since?
 //!
 //! The model's parameters stay; the residual of new flights is explained by one change at a time: a heavier craft, a weak
-//! motor, a wind, a shifted battery (`change_fit.rs`). The same standard of evidence as in [`diagnose`](crate::diagnose): each change is
+//! motor, a wind, a shifted battery (`change_fit.rs`), and what adds to the best of them (`change_rivals.rs`). The same standard of evidence as in [`diagnose`](crate::diagnose): each change is
 //! estimated on all new flights but one and validated on that one (blocks of time where there is a single flight).
 //!
 //! A real craft differs a little from flight to flight (trim, battery seat, tracker calibration). How much, is known
@@ -11,24 +11,26 @@
 
 use model::Model;
 
+use crate::anchor::Anchor;
 use crate::balance;
 use crate::change::Change;
 use crate::change_conclusion::{OfRows, conclude};
 use crate::change_fit::{Fitted, fit_change};
+use crate::change_rivals::{Together, mark_rivals};
 use crate::change_scatter::Scattered;
 use crate::change_structure::structure_left;
-use crate::criteria::{AS_GOOD, Asked, Evidence, RIVAL, SIGNIFICANCE, rank_of_change, weigh};
+use crate::criteria::{Asked, Evidence, rank_of_change, weigh};
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Unexplained};
 use crate::held_out::{judged_axes, take_gain};
 use crate::observer::Observer;
 use crate::onset::onset;
 use crate::reason::{Dependence, Reason};
-use crate::search_error::{SearchError, Steps, going_on};
+use crate::search_error::{SearchError, Steps};
 use crate::significance::zero_p_value;
 use sysid::prepare::Prepared;
 use sysid::{FitError, Residuals, residuals};
 
-/// Names the one of `changes` that explains new flights, with the model's parameters as they are.
+/// Names those of `changes` that explain new flights, with the model's parameters as they are.
 pub fn changed(
     model: &Model,
     changes: &[Change],
@@ -46,19 +48,21 @@ pub fn changed(
     }
     let score = |f: &EffectFinding| rank_of_change(f.gain, f.coefficients.len());
     findings.sort_by(|a, b| b.1.supported.cmp(&a.1.supported).then(score(&b.1).total_cmp(&score(&a.1))));
-    let mut with_best = mark_rivals(model, &mut findings, flights, (changes.len(), observer))?;
-    let mut left = structure_left(with_best.as_ref().map_or(model, |with| &with.model), flights);
+    let mut together = mark_rivals(model, &mut findings, flights, (changes, observer))?;
+    let mut left = structure_left(together.as_ref().map_or(model, |with| &with.model), flights);
     let named = findings.iter_mut().map(|(_, finding)| finding).find(|finding| finding.supported);
     let refused = named.and_then(|finding| stands_in(finding, &left).map(|why| (finding, why)));
     if let Some((finding, why)) = refused {
         finding.refuse(why);
-        with_best = None;
+        together = None;
         left = structure_left(model, flights);
     }
+    let together = together.unwrap_or_else(|| Together::none(model));
+    let others = together.without_best(model, flights);
     let named = findings.iter().find(|(_, finding)| finding.supported);
-    let began = named.and_then(|(change, finding)| onset(model, (*change, finding), flights));
-    let together = with_best.map_or_else(Vec::new, |with| with.together);
-    let rows = OfRows { findings, began, together, left };
+    let began = named.and_then(|(change, finding)| onset(&others, (*change, finding), flights));
+    let Together { changes: happened, revealed, .. } = together;
+    let rows = OfRows { findings, began, happened, revealed, left };
     Ok(conclude(model, rows, balance::answer(model, flights, changes)))
 }
 
@@ -73,68 +77,6 @@ fn stands_in(finding: &EffectFinding, left: &[Unexplained]) -> Option<Reason> {
     let bursts = left.iter().find(|u| u.depends_on == Dependence::Bursts && of_whole(u) > takes_percent)?;
     let Unexplained { axis, depends_on, share_percent: left_percent, .. } = *bursts;
     Some(Reason::LeavesMore { takes_percent, left_percent, axis, depends_on })
-}
-
-/// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it. The model with the best
-/// one, where one is supported.
-fn mark_rivals(
-    model: &Model,
-    findings: &mut [(Change, EffectFinding)],
-    flights: &[&Prepared],
-    (candidates, observer): (usize, &dyn Observer),
-) -> Result<Option<Fitted>, SearchError> {
-    let Some((best, best_gain)) = findings.first().filter(|(_, f)| f.supported).map(|(c, f)| (*c, f.gain))
-    else {
-        return Ok(None);
-    };
-    let Ok(with_best) = fit_change(model, best, flights) else { return Ok(None) };
-    let mut rivals = Vec::new();
-    for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
-        going_on(observer)?;
-        let as_good = finding.gain > AS_GOOD * best_gain;
-        let adds =
-            change.effect != best.effect && is_supported(&with_best.model, *change, flights, candidates);
-        if adds && !as_good {
-            continue;
-        }
-        let rival = as_good
-            || finding.gain > RIVAL * best_gain
-                && fit_change(model, *change, flights).is_ok_and(|with| {
-                    change.effect == best.effect || !is_supported(&with.model, best, flights, candidates)
-                });
-        if rival {
-            finding.refuse(Reason::RivalOf { best });
-            finding.confounded_with.push(best.effect);
-            rivals.push(*change);
-        } else {
-            finding.refuse(Reason::ExplainedBy { other: best });
-        }
-    }
-    rivals.extend(as_good_together(findings, best, best_gain));
-    let finding = &mut findings[0].1;
-    finding.confounded_with = rivals.iter().map(|rival| rival.effect).collect();
-    finding.confounded_with.sort_unstable_by_key(|effect| effect.id());
-    finding.confounded_with.dedup();
-    let axes = finding.judged_axes();
-    finding.reason = Reason::Changed { axes, percent: finding.drop_percent, rivals };
-    Ok(Some(with_best))
-}
-
-/// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
-/// shifts the centre of mass and adds to the mass, looks like a motor that gives less thrust.
-fn as_good_together(findings: &[(Change, EffectFinding)], best: Change, best_gain: f64) -> Vec<Change> {
-    let others = || findings.iter().skip(1).filter(|(c, f)| c.effect != best.effect && f.gain > 0.0);
-    let apart = |a: Change, b: Change| a.effect.info().axes.iter().all(|x| !b.effect.info().axes.contains(x));
-    let mut pair: Option<(f64, [Change; 2])> = None;
-    for (a, first) in others().filter(|(_, f)| f.p_value < SIGNIFICANCE) {
-        for (b, second) in others().filter(|(b, _)| apart(*a, *b)) {
-            let sum = first.gain + second.gain;
-            if sum > AS_GOOD * best_gain && pair.is_none_or(|(most, _)| sum > most) {
-                pair = Some((sum, [*a, *b]));
-            }
-        }
-    }
-    pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
 }
 
 /// The evidence for a change by itself.
@@ -159,10 +101,6 @@ impl Examined {
     }
 }
 
-fn is_supported(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> bool {
-    examine(model, change, flights, candidates).finding.supported
-}
-
 /// The evidence for a change, one of so many `candidates`.
 pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], candidates: usize) -> Examined {
     let info = change.effect.info();
@@ -185,6 +123,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
             CoefficientFigures::new(&info.coefficients[k], fitted.values[i], std_error, model)
         })
         .collect();
+    finding.anchor = Anchor::of(&finding, flights);
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);
     let p_value = zero_p_value(from_usual.as_slice(), &tested, coefficients, independent);
     finding.p_value = (p_value * candidates as f64).min(1.0);
@@ -265,25 +204,6 @@ mod tests {
     #[test]
     fn no_flight_tells_of_no_change() {
         assert_eq!(changed(&truth(), &[], &[], &Silent).err(), Some(FitError::NoFlights.into()));
-    }
-
-    /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths
-    /// of 100.
-    #[test]
-    fn two_changes_on_different_axes_rival_one_that_they_explain_together() {
-        let best = finding(Effect::MotorEfficiency, Some(1), 100.0);
-        let pair = |mass_gain: f64| {
-            let findings = [
-                best.clone(),
-                finding(Effect::MotorEfficiency, Some(2), 99.0),
-                finding(Effect::MassChange, None, mass_gain),
-                finding(Effect::ComOffset, None, 35.0),
-            ];
-            let pair = as_good_together(&findings, best.0, 100.0);
-            pair.iter().map(|change| change.effect).collect::<Vec<_>>()
-        };
-        assert_eq!(pair(60.0), [Effect::MassChange, Effect::ComOffset]);
-        assert!(pair(54.0).is_empty());
     }
 
     /// Bursts that are 90 % of p are more than a wind takes of u, unless that is more: and what is left of u counts as the part of all of it.

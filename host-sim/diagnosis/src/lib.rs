@@ -9,6 +9,7 @@ mod change;
 mod change_conclusion;
 mod change_evidence;
 mod change_fit;
+mod change_rivals;
 mod change_scatter;
 mod change_structure;
 pub mod changes;

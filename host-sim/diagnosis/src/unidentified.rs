@@ -72,7 +72,7 @@ pub fn recorded(model: &Model) -> Vec<NotIdentified> {
 /// of the rotors speaks for the rotation: what it found or would have seen is then the answer.
 pub(crate) fn verdicts_of_change(
     model: &Model,
-    (named, left): (Option<Effect>, &[Unexplained]),
+    (named, left): (&[Effect], &[Unexplained]),
     balance_speaks: bool,
 ) -> (Verdict, PerGroup<Verdict>) {
     let unknown = recorded(model);
@@ -80,7 +80,7 @@ pub(crate) fn verdicts_of_change(
     let speaks = |group| balance_speaks && group == Group::Rotation;
     let is_unknown = |group| !speaks(group) && of_group(group).next().is_some();
     let hides = |group| !speaks(group) && of_group(group).any(|reason| !reason.leaves_findings);
-    let acts_on = |group| named.is_some_and(|e| e.info().axes.iter().any(|axis| Group::of(*axis) == group));
+    let acts_on = |group| named.iter().any(|e| e.info().axes.iter().any(|axis| Group::of(*axis) == group));
     let verdicts = PerGroup::from_fn(|group| match group {
         _ if acts_on(group) && !hides(group) => Verdict::MissingEffect,
         _ if left.iter().any(|u| Group::of(u.axis) == group) => Verdict::Unexplained,
@@ -88,11 +88,11 @@ pub(crate) fn verdicts_of_change(
         _ => Verdict::Adequate,
     });
     let verdict = match (named, left) {
-        (Some(_), _) => Verdict::MissingEffect,
-        (None, [_, ..]) => Verdict::Unexplained,
+        ([_, ..], _) => Verdict::MissingEffect,
+        ([], [_, ..]) => Verdict::Unexplained,
         // What the balance would have seen is not there, whatever is unknown of the air.
-        (None, []) if balance_speaks || GROUPS.iter().all(|group| !is_unknown(*group)) => Verdict::Adequate,
-        (None, []) => Verdict::NotIdentified,
+        ([], []) if balance_speaks || GROUPS.iter().all(|group| !is_unknown(*group)) => Verdict::Adequate,
+        ([], []) => Verdict::NotIdentified,
     };
     (verdict, verdicts)
 }
@@ -450,20 +450,22 @@ mod tests {
 
     #[test]
     fn of_what_the_models_flights_did_not_determine_no_change_is_denied() {
-        let of = |model: &Model, named, balance| verdicts_of_change(model, (named, &[]), balance);
+        let of = |model: &Model, named: &[Effect], balance| verdicts_of_change(model, (named, &[]), balance);
         let (adequate, missing, unknown) =
             (Verdict::Adequate, Verdict::MissingEffect, Verdict::NotIdentified);
         let told = |(whole, parts): (Verdict, PerGroup<Verdict>)| [whole, parts.translation, parts.rotation];
-        assert_eq!(told(of(&truth(), None, false)), [adequate; 3]);
+        assert_eq!(told(of(&truth(), &[], false)), [adequate; 3]);
         let mut forces = forces_only();
         forces.fit = Some(FitRecord::default());
-        assert_eq!(told(of(&forces, None, false)), [unknown, adequate, unknown]);
-        let heavier = Some(Effect::MassChange);
+        assert_eq!(told(of(&forces, &[], false)), [unknown, adequate, unknown]);
+        let heavier = &[Effect::MassChange];
         assert_eq!(told(of(&forces, heavier, false)), [missing, missing, unknown]);
         assert_eq!(told(of(&truth(), heavier, false)), [missing, missing, adequate]);
+        let twice = &[Effect::MassChange, Effect::ComOffset];
+        assert_eq!(told(of(&truth(), twice, false)), [missing; 3]);
         // The balance speaks for a rotation that its rows do not know.
-        assert_eq!(told(of(&forces, None, true)), [adequate; 3]);
-        let weak = Some(Effect::MotorEfficiency);
+        assert_eq!(told(of(&forces, &[], true)), [adequate; 3]);
+        let weak = &[Effect::MotorEfficiency];
         assert_eq!(told(of(&forces, weak, true)), [missing; 3]);
         let left = [Unexplained {
             axis: Axis::P,
@@ -471,7 +473,7 @@ mod tests {
             share_percent: 62.0,
             p_value: 0.0,
         }];
-        let shifted = verdicts_of_change(&forces, (None, &left), true);
+        let shifted = verdicts_of_change(&forces, (&[], &left), true);
         assert_eq!(told(shifted), [Verdict::Unexplained, adequate, Verdict::Unexplained]);
     }
 }

@@ -1,0 +1,371 @@
+//! Which of the changes that explain new flights by themselves happened, and which are only other words for it?
+//!
+//! - What adds to the best change, on top of it, happened as well.
+//! - What explains the axes of the best one nearly as well, or adds nothing to it nor it to that, cannot be told from it.
+//! - A heavier craft and one all of whose rotors give less thrust hover alike. Only the moments tell them apart: they stay with a
+//!   heavier craft, and fall with the thrust. So the two are held against each other on all axes, on flights they were not
+//!   estimated from.
+
+use model::{Axis, Effect, Model};
+use sysid::prepare::Prepared;
+use sysid::statistics::Blocks;
+use sysid::{FitError, Residuals, errors, has_rotation, residuals};
+
+use crate::change::Change;
+use crate::change_fit::fit_change;
+use crate::changes::examine;
+use crate::criteria::{AS_GOOD, MATTERS_PERCENT, RIVAL, SIGNIFICANCE};
+use crate::finding::EffectFinding;
+use crate::observer::Observer;
+use crate::reason::Reason;
+use crate::search_error::{SearchError, going_on};
+use crate::significance::block_sums;
+
+/// A change with its evidence.
+pub(crate) type Found = (Change, EffectFinding);
+
+/// Every rotor by itself gives less thrust.
+pub(crate) const ALL_ROTORS: Change = Change { effect: Effect::MotorEfficiency, motor: None };
+const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
+
+/// Changes that happened together, fitted one on top of the other.
+#[derive(Debug, Clone)]
+pub(crate) struct Together {
+    /// The model with them.
+    pub(crate) model: Model,
+    /// The changes, best first.
+    pub(crate) changes: Vec<Change>,
+    /// What was estimated together with them.
+    pub(crate) revealed: Vec<Effect>,
+}
+
+impl Together {
+    /// No change.
+    pub(crate) fn none(model: &Model) -> Self {
+        Self { model: model.clone(), changes: Vec::new(), revealed: Vec::new() }
+    }
+
+    fn of(model: &Model, changes: &[Change], flights: &[&Prepared]) -> Result<Self, FitError> {
+        changes.iter().try_fold(Self::none(model), |before, change| before.and(*change, flights))
+    }
+
+    /// With one more.
+    fn and(mut self, change: Change, flights: &[&Prepared]) -> Result<Self, FitError> {
+        let fitted = fit_change(&self.model, change, flights)?;
+        self.model = fitted.model;
+        self.changes.push(change);
+        self.revealed.extend(fitted.together);
+        Ok(self)
+    }
+
+    /// The model with all but the best.
+    pub(crate) fn without_best(&self, model: &Model, flights: &[&Prepared]) -> Model {
+        let others = self.changes.get(1..).unwrap_or_default();
+        Self::of(model, others, flights).map_or_else(|_| model.clone(), |rest| rest.model)
+    }
+}
+
+/// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it. What happened,
+/// where the best one is supported.
+pub(crate) fn mark_rivals(
+    model: &Model,
+    findings: &mut Vec<Found>,
+    flights: &[&Prepared],
+    (changes, observer): (&[Change], &dyn Observer),
+) -> Result<Option<Together>, SearchError> {
+    let Some((best, best_finding)) = findings.first().filter(|(_, f)| f.supported).cloned() else {
+        return Ok(None);
+    };
+    let Ok(with_best) = Together::none(model).and(best, flights) else { return Ok(None) };
+    let part = |finding: &EffectFinding| gain_in_place_of(&best_finding, finding);
+    let supports = |model: &Model, change| examine(model, change, flights, changes.len()).finding.supported;
+    let mut together = with_best.clone();
+    let mut rivals = Vec::new();
+    for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
+        going_on(observer)?;
+        let (change, as_good) = (*change, part(finding) > AS_GOOD);
+        if change.effect != best.effect && !as_good && supports(&with_best.model, change) {
+            let last = together.changes[together.changes.len() - 1];
+            let beside_all = last == best || supports(&together.model, change);
+            match together.clone().and(change, flights).ok().filter(|_| beside_all) {
+                Some(more) => together = more,
+                None => finding.refuse(Reason::ExplainedBy { other: last }),
+            }
+            continue;
+        }
+        let rival = as_good
+            || part(finding) > RIVAL
+                && fit_change(model, change, flights)
+                    .is_ok_and(|with| change.effect == best.effect || !supports(&with.model, best));
+        if rival {
+            finding.refuse(Reason::RivalOf { best });
+            finding.confounded_with.push(best.effect);
+            rivals.push(change);
+        } else {
+            finding.refuse(Reason::ExplainedBy { other: best });
+        }
+    }
+    rivals.extend(as_good_together(findings, best).into_iter().filter(|c| !together.changes.contains(c)));
+    if best == HEAVIER && has_rotation(model) && changes.iter().any(|c| c.effect == ALL_ROTORS.effect) {
+        going_on(observer)?;
+        let challenged = challenge(model, &together, flights, changes.len());
+        together = take_challenge(findings, together, challenged, &mut rivals);
+    }
+    let finding = &mut findings[0].1;
+    let (axes, percent) = (finding.judged_axes(), finding.drop_percent);
+    name(finding, Reason::Changed { axes, percent, rivals });
+    Ok(Some(together))
+}
+
+/// The reason for the best change, with its rivals.
+fn name(finding: &mut EffectFinding, reason: Reason) {
+    if let Reason::Changed { rivals, .. } | Reason::BalanceShifted { rivals, .. } = &reason {
+        finding.confounded_with = rivals.iter().map(|rival| rival.effect).collect();
+        finding.confounded_with.sort_unstable_by_key(|effect| effect.id());
+        finding.confounded_with.dedup();
+    }
+    finding.reason = reason;
+}
+
+/// Where no moment is known, every rotor by itself is a rival of a heavier craft.
+pub(crate) fn add_rotors_to(best: Change, finding: &mut EffectFinding) {
+    if best != HEAVIER {
+        return;
+    }
+    let mut reason = finding.reason.clone();
+    if let Reason::Changed { rivals, .. } | Reason::BalanceShifted { rivals, .. } = &mut reason {
+        rivals.push(ALL_ROTORS);
+    }
+    name(finding, reason);
+}
+
+/// Part of what the best change explains on its own axes that another explains there: what it explains elsewhere does not make it
+/// another word for the best one.
+fn gain_in_place_of(best: &EffectFinding, other: &EffectFinding) -> f64 {
+    let on_its_axes = |finding: &EffectFinding| {
+        best.judged_axes().iter().map(|axis| finding.gain_of[axis.index()]).sum::<f64>()
+    };
+    on_its_axes(other) / on_its_axes(best).max(f64::MIN_POSITIVE)
+}
+
+/// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
+/// shifts the centre of mass and adds to the mass, looks like a motor that gives less thrust.
+fn as_good_together(findings: &[Found], best: Change) -> Vec<Change> {
+    let Some((_, of_best)) = findings.first() else { return Vec::new() };
+    let is_possible = |f: &EffectFinding| {
+        !matches!(f.reason, Reason::Impossible { .. } | Reason::NoAnchor { .. } | Reason::OwnRule { .. })
+    };
+    let others =
+        || findings.iter().skip(1).filter(|(c, f)| c.effect != best.effect && f.gain > 0.0 && is_possible(f));
+    let apart = |a: Change, b: Change| a.effect.info().axes.iter().all(|x| !b.effect.info().axes.contains(x));
+    let mut pair: Option<(f64, [Change; 2])> = None;
+    for (a, first) in others().filter(|(_, f)| f.p_value < SIGNIFICANCE) {
+        for (b, second) in others().filter(|(b, _)| apart(*a, *b)) {
+            let sum = gain_in_place_of(of_best, first) + gain_in_place_of(of_best, second);
+            if sum > AS_GOOD && pair.is_none_or(|(most, _)| sum > most) {
+                pair = Some((sum, [*a, *b]));
+            }
+        }
+    }
+    pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
+}
+
+/// A heavier craft held against rotors that all give less thrust.
+struct Challenged {
+    finding: EffectFinding,
+    /// With the rotors in the place of the mass.
+    together: Together,
+    /// The axis on which a heavier craft leaves more, by how many percent of its squared error; and the same of the rotors.
+    heavier_leaves: Option<(Axis, f64)>,
+    rotors_leave: Option<(Axis, f64)>,
+}
+
+/// Nothing where the rotors are no change by themselves.
+fn challenge(
+    model: &Model,
+    together: &Together,
+    flights: &[&Prepared],
+    candidates: usize,
+) -> Option<Challenged> {
+    let finding = examine(model, ALL_ROTORS, flights, candidates).finding;
+    let others: Vec<Change> =
+        together.changes.iter().skip(1).copied().filter(|c| c.effect != ALL_ROTORS.effect).collect();
+    let changes = [&[ALL_ROTORS][..], &others].concat();
+    let of_rotors = Together::of(model, &changes, flights).ok().filter(|_| finding.supported)?;
+    let [heavier, rotors] = [&together.changes, &changes].map(|changes| held_out(model, changes, flights));
+    Some(Challenged {
+        finding,
+        together: of_rotors,
+        heavier_leaves: leaves_more(&heavier, &rotors, flights),
+        rotors_leave: leaves_more(&rotors, &heavier, flights),
+    })
+}
+
+/// What of the two is named: the first finding then, with what cannot be told from it among the `rivals`.
+fn take_challenge(
+    findings: &mut Vec<Found>,
+    together: Together,
+    challenged: Option<Challenged>,
+    rivals: &mut Vec<Change>,
+) -> Together {
+    let Some(Challenged { mut finding, together: of_rotors, heavier_leaves, rotors_leave }) = challenged
+    else {
+        return together;
+    };
+    let less = |than, (axis, percent)| Reason::ExplainsLess { than, axis, percent };
+    match (heavier_leaves, rotors_leave) {
+        (Some(leaves), _) => {
+            findings[0].1.refuse(less(ALL_ROTORS, leaves));
+            findings.insert(0, (ALL_ROTORS, finding));
+            // What stood for a heavier craft is none of the rotors.
+            rivals.clear();
+            of_rotors
+        }
+        (None, Some(leaves)) => {
+            finding.refuse(less(HEAVIER, leaves));
+            findings.insert(1, (ALL_ROTORS, finding));
+            together
+        }
+        (None, None) => {
+            finding.refuse(Reason::RivalOf { best: HEAVIER });
+            finding.confounded_with.push(HEAVIER.effect);
+            findings.insert(1, (ALL_ROTORS, finding));
+            rivals.push(ALL_ROTORS);
+            together
+        }
+    }
+}
+
+/// Residuals of each flight with changes that were estimated from the others; a single one by itself.
+fn held_out(model: &Model, changes: &[Change], flights: &[&Prepared]) -> Vec<Residuals> {
+    let of_flight = |left_out: usize| {
+        let others = flights.iter().enumerate().filter(|(i, _)| *i != left_out || flights.len() == 1);
+        let others: Vec<&Prepared> = others.map(|(_, flight)| *flight).collect();
+        let with = Together::of(model, changes, &others);
+        residuals(flights[left_out], with.as_ref().map_or(model, |with| &with.model))
+    };
+    (0..flights.len()).map(of_flight).collect()
+}
+
+/// The axis on which some residuals are larger than others, and by how many percent of their squares: where all axes together are,
+/// by more than chance, and that axis by enough to matter.
+fn leaves_more(more: &[Residuals], less: &[Residuals], flights: &[&Prepared]) -> Option<(Axis, f64)> {
+    let (of_more, of_less) = (errors(more), errors(less));
+    let mut blocks = Blocks::default();
+    for ((flight, a), b) in flights.iter().zip(more).zip(less) {
+        let (mut gain, mut chance) = (vec![0.0; flight.rows()], vec![0.0; flight.rows()]);
+        for axis in model::AXES {
+            let noise = of_less[axis].rms.min(of_more[axis].rms).max(f64::MIN_POSITIVE);
+            let pairs = a.residual[axis.index()].iter().zip(&b.residual[axis.index()]);
+            for ((g, c), (x, y)) in gain.iter_mut().zip(&mut chance).zip(pairs) {
+                *g += (x * x - y * y) / (noise * noise);
+                *c += 2.0 * y * (x - y) / (noise * noise);
+            }
+        }
+        blocks.gain.extend(block_sums(flight, &gain));
+        blocks.chance.extend(block_sums(flight, &chance));
+    }
+    let excess = |axis: Axis| 100.0 * (of_more[axis].sse / of_less[axis].sse - 1.0);
+    let worst = model::AXES.into_iter().max_by(|a, b| excess(*a).total_cmp(&excess(*b)))?;
+    let counts = blocks.p_value() < SIGNIFICANCE && excess(worst) > MATTERS_PERCENT;
+    counts.then(|| (worst, excess(worst)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::changes::changed;
+    use crate::finding::Diagnosis;
+    use crate::observer::Silent;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    fn finding(effect: Effect, motor: Option<u8>, gain: f64) -> Found {
+        let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
+        (finding.gain, finding.p_value) = (gain, 0.0);
+        let axes = effect.info().axes;
+        axes.iter().for_each(|axis| finding.gain_of[axis.index()] = gain / axes.len() as f64);
+        (Change { effect, motor }, finding)
+    }
+
+    /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths
+    /// of 100.
+    #[test]
+    fn two_changes_on_different_axes_rival_one_that_they_explain_together() {
+        let best = finding(Effect::MotorEfficiency, Some(1), 100.0);
+        let pair = |mass_gain: f64| {
+            let findings = [
+                best.clone(),
+                finding(Effect::MotorEfficiency, Some(2), 99.0),
+                finding(Effect::MassChange, None, mass_gain),
+                finding(Effect::ComOffset, None, 35.0),
+            ];
+            let pair = as_good_together(&findings, best.0);
+            pair.iter().map(|change| change.effect).collect::<Vec<_>>()
+        };
+        assert_eq!(pair(60.0), [Effect::MassChange, Effect::ComOffset]);
+        assert!(pair(54.0).is_empty());
+        let mut pushing = finding(Effect::MassChange, None, 60.0);
+        pushing.1.reason = Reason::NoAnchor { place_ned_m: [0.0, 0.0, 9.0] };
+        let findings = [best.clone(), pushing, finding(Effect::ComOffset, None, 35.0)];
+        assert!(as_good_together(&findings, best.0).is_empty(), "what cannot be stands for nothing");
+    }
+
+    /// A wind pushes to the side, however hard: nothing of what a mass explains in w.
+    #[test]
+    fn what_explains_other_axes_stands_for_nothing() {
+        let mass = finding(Effect::MassChange, None, 100.0);
+        let wind = finding(Effect::SteadyWind, None, 200.0);
+        assert_eq!(gain_in_place_of(&mass.1, &wind.1), 0.0);
+        let findings = [mass.clone(), wind, finding(Effect::MotorLag, None, 3.0)];
+        assert!(as_good_together(&findings, mass.0).is_empty());
+    }
+
+    /// What is said of flights of a model with these effects beside the true one.
+    fn of(effects: &[(Effect, &[f64])], flown: impl Fn(&Model) -> Vec<Prepared>) -> Diagnosis {
+        let mut world = truth();
+        effects.iter().for_each(|(effect, values)| world.set(*effect, values));
+        let flights = flown(&world);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        changed(&truth(), &Change::all(&truth()), &flights, &Silent).unwrap()
+    }
+
+    fn lively(world: &Model) -> Vec<Prepared> {
+        prepared(world, 30..33, 10.0, &ORDINARY)
+    }
+
+    #[test]
+    fn all_rotors_that_give_less_thrust_are_no_heavier_craft() {
+        for losses in [[0.04; 4], [0.06, 0.0, 0.06, 0.0]] {
+            let diagnosis = of(&[(Effect::MotorEfficiency, &losses)], lively);
+            let best = &diagnosis.effects[0];
+            assert_eq!((best.effect, best.motor), (ALL_ROTORS.effect, None), "{}", diagnosis.summary);
+            assert!(best.supported && best.confounded_with.is_empty(), "{}", best.reason);
+            for (found, loss) in best.coefficients.iter().zip(losses) {
+                assert!((found.value - loss).abs() < 0.005, "{losses:?}: {found:?}");
+            }
+            let mass = diagnosis.effects.iter().find(|f| f.effect == HEAVIER.effect).unwrap();
+            assert!(matches!(mass.reason, Reason::ExplainsLess { than: ALL_ROTORS, .. }), "{}", mass.reason);
+        }
+    }
+
+    #[test]
+    fn a_heavier_craft_whose_moments_stay_is_none_with_weaker_rotors() {
+        let diagnosis = of(&[(Effect::MassChange, &[0.1])], lively);
+        assert_eq!(diagnosis.best(), Some(HEAVIER.effect));
+        assert!(diagnosis.effects[0].confounded_with.is_empty(), "{}", diagnosis.summary);
+        let rotors = diagnosis.effects.iter().find(|f| f.effect == ALL_ROTORS.effect && f.motor.is_none());
+        let reason = &rotors.unwrap().reason;
+        assert!(matches!(reason, Reason::ExplainsLess { than: HEAVIER, .. }), "{reason}");
+    }
+
+    #[test]
+    fn a_heavier_craft_in_a_wind_has_changed_twice() {
+        let diagnosis = of(&[(Effect::MassChange, &[0.1]), (Effect::SteadyWind, &[0.8, 0.0])], lively);
+        let supported = crate::finding::supported(&diagnosis.effects);
+        assert_eq!(supported.len(), 2, "{}", diagnosis.summary);
+        assert!(supported.contains(&HEAVIER.effect) && supported.contains(&Effect::SteadyWind));
+        let said = "Since the model was fitted, more than one thing has changed: ";
+        assert!(diagnosis.summary.starts_with(said), "{}", diagnosis.summary);
+        assert!(!diagnosis.summary.contains("cannot tell"), "{}", diagnosis.summary);
+    }
+}
