@@ -92,7 +92,7 @@ pub fn discover(
     can_discover(sets)?;
     sets.hold_against(model, own, observer)?;
     let diagnosis = search(model, sets, options, observer)?;
-    let (steps, _) = add_what_is_found(model, diagnosis, sets, options, observer)?;
+    let steps = add_what_is_found(model, diagnosis, sets, options, observer)?.steps;
     let known: Vec<Effect> = steps.iter().map(|step| step.effect).collect();
     warn_of_one_heading(&known, sets, observer);
     let model = steps.last().map_or(model, |step| &step.model).clone();

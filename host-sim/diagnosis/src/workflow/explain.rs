@@ -1,4 +1,9 @@
 //! The whole loop: identify, diagnose, add what is found, until nothing that the flights support is left.
+//!
+//! What was found first need not be the cause: it may have stood for what is found next. So with each effect that joins, those before it
+//! are asked again, as if they were to be added now, and what is worth nothing any more is taken out.
+
+use std::fmt;
 
 use model::{Effect, Model, PerGroup, Vehicle};
 use sysid::fit::output_error::Rows;
@@ -37,14 +42,33 @@ pub struct Step {
     pub comparison: Comparison,
 }
 
+/// An effect that joined the model, and is worth nothing since another did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct TakenOut {
+    /// The effect.
+    pub effect: Effect,
+    /// The one that made it superfluous.
+    pub by: Effect,
+}
+
+/// For people: "wind-shear was added first and taken out again: it adds nothing once steady-wind is in the model".
+impl fmt::Display for TakenOut {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { effect, by } = self;
+        write!(f, "{effect} was added first and taken out again: it adds nothing once {by} is in the model")
+    }
+}
+
 /// From the basic model to one in which nothing supported is missing.
 pub struct Explanation {
     /// The basic model.
     pub basic: Model,
     /// The basic model against the held-out flights.
     pub basic_comparison: Comparison,
-    /// Effects in the order they were added.
+    /// Effects in the order they were added, without those that were taken out again.
     pub steps: Vec<Step>,
+    /// Effects that were taken out again.
+    pub taken_out: Vec<TakenOut>,
     /// What is found in the last model.
     pub last_diagnosis: Diagnosis,
     /// The model at the end, refined where that was asked for.
@@ -72,11 +96,13 @@ impl Explanation {
     /// What was found, in a sentence, and what was not.
     pub fn conclusion(&self) -> String {
         let found: Vec<&str> = self.found().iter().map(|e| e.id()).collect();
-        match (found.as_slice(), what_is_unknown(&self.last_diagnosis.not_identified)) {
+        let taken_out: String = self.taken_out.iter().map(|taken| format!(" {taken}.")).collect();
+        let conclusion = match (found.as_slice(), what_is_unknown(&self.last_diagnosis.not_identified)) {
             ([], _) => format!("Found: nothing. {}", self.last_diagnosis.summary),
             (names, None) => format!("Found: {}.", names.join(", then ")),
             (names, Some(unknown)) => format!("Found: {}. {unknown}", names.join(", then ")),
-        }
+        };
+        conclusion + &taken_out
     }
 
     /// The conclusion of the whole loop: was anything missing, and is anything left?
@@ -149,43 +175,121 @@ fn go_through(
         let comparison = sysid::compare(&basic, &sets.validate());
         Ok((basic, comparison))
     })?;
-    let (steps, last_diagnosis) = add_what_is_found(&basic, diagnosis, sets, options, observer)?;
+    let Added { steps, taken_out, last_diagnosis } =
+        add_what_is_found(&basic, diagnosis, sets, options, observer)?;
     let model = steps.last().map_or(&basic, |step| &step.model).clone();
-    Ok(Explanation { basic, basic_comparison, steps, last_diagnosis, model, refinement: None })
+    Ok(Explanation { basic, basic_comparison, steps, taken_out, last_diagnosis, model, refinement: None })
 }
 
-/// Adds what a diagnosis of a model finds, one effect after the other, until nothing supported is left.
+/// What was added.
+pub(crate) struct Added {
+    /// In order, without what was taken out again.
+    pub(crate) steps: Vec<Step>,
+    pub(crate) taken_out: Vec<TakenOut>,
+    /// What is found in the last model.
+    pub(crate) last_diagnosis: Diagnosis,
+}
+
+/// Adds what a diagnosis of a model finds, one effect after the other, until nothing supported is left. It ends: what was taken out does
+/// not come back.
 pub(crate) fn add_what_is_found(
     basic: &Model,
-    mut diagnosis: Diagnosis,
+    first: Diagnosis,
     sets: &mut FlightSets,
     options: &Options,
     observer: &dyn Observer,
-) -> Result<(Vec<Step>, Diagnosis), WorkflowError> {
-    let mut steps: Vec<Step> = Vec::new();
-    while let Some(effect) = diagnosis.best() {
-        let model = steps.last().map_or(basic, |step| &step.model).clone();
-        match join_and_search(&model, effect, sets, options, observer) {
+) -> Result<Added, WorkflowError> {
+    let mut adding = Adding { basic, steps: Vec::new(), diagnosis: first, sets, options, observer };
+    let mut taken_out: Vec<TakenOut> = Vec::new();
+    while let Some(effect) = adding.diagnosis.best() {
+        if let Some(TakenOut { by, .. }) = taken_out.iter().find(|taken| taken.effect == effect) {
+            adding.refuse(effect, &Reason::AddsNothing { beside: vec![*by] });
+            continue;
+        }
+        adding.add(effect)?;
+        while let Some(superfluous) = adding.superfluous() {
+            adding.take_out(superfluous)?;
+            taken_out.push(TakenOut { effect: superfluous, by: effect });
+        }
+    }
+    Ok(Added { steps: adding.steps, taken_out, last_diagnosis: adding.diagnosis })
+}
+
+/// The loop on its way.
+struct Adding<'a> {
+    basic: &'a Model,
+    steps: Vec<Step>,
+    /// What is found in the model so far.
+    diagnosis: Diagnosis,
+    sets: &'a mut FlightSets,
+    options: &'a Options,
+    observer: &'a dyn Observer,
+}
+
+impl Adding<'_> {
+    fn model(&self) -> &Model {
+        self.steps.last().map_or(self.basic, |step| &step.model)
+    }
+
+    /// Adds an effect that was found, or says why not.
+    fn add(&mut self, effect: Effect) -> Result<(), WorkflowError> {
+        let model = self.model().clone();
+        match join_and_search(&model, effect, self.sets, self.options, self.observer) {
             Ok((Joined { model: better, addition, comparison }, next)) => {
                 // Nothing joins that makes the model predict worse, whatever it promised beside others.
                 if let Some(why) = makes_worse(&addition.finding) {
-                    sets.go_back_to(&model);
-                    diagnosis = without(&diagnosis, effect, &why, recorded(&model));
-                    continue;
+                    self.sets.go_back_to(&model);
+                    self.refuse(effect, &why);
+                    return Ok(());
                 }
-                sets.judge_clocks(&better, effect);
-                let before = std::mem::replace(&mut diagnosis, next);
-                steps.push(Step { diagnosis: before, effect, addition, model: better, comparison });
+                self.sets.judge_clocks(&better, effect);
+                let diagnosis = std::mem::replace(&mut self.diagnosis, next);
+                self.steps.push(Step { diagnosis, effect, addition, model: better, comparison });
             }
             // What cannot be fitted takes no answer away from the others.
             Err(WorkflowError::Fit { why, .. }) => {
-                sets.go_back_to(&model);
-                diagnosis = without(&diagnosis, effect, &Reason::NotFittedTogether(why), recorded(&model));
+                self.sets.go_back_to(&model);
+                self.refuse(effect, &Reason::NotFittedTogether(why));
             }
             Err(why) => return Err(why),
         }
+        Ok(())
     }
-    Ok((steps, diagnosis))
+
+    fn refuse(&mut self, effect: Effect, why: &Reason) {
+        self.diagnosis = without(&self.diagnosis, effect, why, recorded(self.model()));
+    }
+
+    /// An effect that was worth adding when it joined, and is not beside those that came later.
+    fn superfluous(&self) -> Option<Effect> {
+        let before_last = self.steps.len().checked_sub(1)?;
+        let once_supported = self.steps[..before_last].iter().filter(|step| step.addition.finding.supported);
+        let is_none = |effect: &Effect| {
+            // An effect that the flights' own winds stand for is no matter of a fit.
+            self.sets.revealed_as(*effect).is_none()
+                && is_worth_nothing(self.model(), *effect, self.sets, self.options)
+        };
+        once_supported.map(|step| step.effect).find(is_none)
+    }
+
+    /// Goes back to the basic model and adds the others again.
+    fn take_out(&mut self, effect: Effect) -> Result<(), WorkflowError> {
+        let steps = std::mem::take(&mut self.steps);
+        let others: Vec<Effect> = steps.iter().map(|step| step.effect).filter(|e| *e != effect).collect();
+        if let Some(first) = steps.into_iter().next() {
+            self.diagnosis = first.diagnosis;
+        }
+        self.sets.go_back_to(self.basic);
+        others.into_iter().try_for_each(|other| self.add(other))
+    }
+}
+
+/// Whether an effect of a model would not be added to the rest of it. What cannot be fitted says nothing against it.
+fn is_worth_nothing(model: &Model, effect: Effect, sets: &FlightSets, options: &Options) -> bool {
+    let mut rest = model.clone();
+    rest.terms.retain(|term| term.effect != effect);
+    crate::add(&rest, effect, &sets.train(), &sets.validate(), options)
+        .is_ok_and(|addition| !addition.finding.supported)
 }
 
 /// Why a model is worse with an effect; nothing where it is not.
@@ -235,7 +339,9 @@ mod tests {
     use model::{Group, NotIdentified};
 
     use super::*;
-    use crate::testing::{ORDINARY, prepared, truth};
+    use crate::conclusion::conclude;
+    use crate::testing::{ORDINARY, fly, prepared, truth};
+    use crate::workflow::{Reading, Silent};
 
     fn diagnosis(verdict: Verdict, summary: &str) -> Diagnosis {
         Diagnosis {
@@ -254,6 +360,7 @@ mod tests {
             basic: truth(),
             basic_comparison: sysid::compare(&truth(), &[]),
             steps,
+            taken_out: Vec::new(),
             last_diagnosis: diagnosis(last, "Nothing is left."),
             model: truth(),
             refinement: None,
@@ -273,6 +380,48 @@ mod tests {
         model.set(effect, &vec![0.0; effect.info().coefficients.len()]);
         let comparison = sysid::compare(&model, &[]);
         Step { diagnosis: diagnosis(Verdict::MissingEffect, "first"), effect, addition, model, comparison }
+    }
+
+    /// A shear stands for a wind in which the craft climbs and descends, until the wind itself is in the model. Where both are there, both
+    /// stay.
+    #[test]
+    fn an_effect_that_stood_for_a_later_one_is_taken_out_again() {
+        for (shear, stays) in [(0.0, false), (0.6, true)] {
+            let mut world = truth();
+            world.set(Effect::SteadyWind, &[1.5, 0.0]);
+            world.set(Effect::WindShear, &[shear, 0.0]);
+            let flown = |seed| fly(&world, seed, 12.0, &ORDINARY);
+            let (train, validate) = ([1, 2, 3].map(flown), [4, 5].map(flown));
+            let mut sets =
+                FlightSets::from_flights(&train, &validate, &world.vehicle, Reading::default(), &Silent)
+                    .unwrap();
+            let basic = sysid::fit(&sets.train(), &world.vehicle, &truth().effects(), None).unwrap().model;
+            let shear_first =
+                crate::add(&basic, Effect::WindShear, &sets.train(), &sets.validate(), &Options::default())
+                    .unwrap()
+                    .finding;
+            assert!(shear_first.supported, "{}", shear_first.reason);
+            let first = conclude(vec![shear_first], Vec::new(), Vec::new());
+            let Added { steps, taken_out, .. } =
+                add_what_is_found(&basic, first, &mut sets, &Options::default(), &Silent).unwrap();
+            let found: Vec<Effect> = steps.iter().map(|step| step.effect).collect();
+            assert!(found.contains(&Effect::SteadyWind), "{found:?}");
+            assert_eq!(found.contains(&Effect::WindShear), stays, "{found:?}");
+            let out = TakenOut { effect: Effect::WindShear, by: Effect::SteadyWind };
+            assert_eq!(taken_out, if stays { Vec::new() } else { vec![out] });
+            assert_eq!(steps.last().unwrap().model.has(Effect::WindShear), stays);
+        }
+    }
+
+    #[test]
+    fn what_was_taken_out_is_told_after_what_was_found() {
+        let mut explanation = explanation(vec![step(Effect::SteadyWind)], Verdict::Adequate);
+        explanation.taken_out = vec![TakenOut { effect: Effect::WindShear, by: Effect::SteadyWind }];
+        assert_eq!(
+            explanation.conclusion(),
+            "Found: steady-wind. wind-shear was added first and taken out again: it adds nothing once steady-wind is in the \
+             model."
+        );
     }
 
     #[test]

@@ -38,7 +38,7 @@ pub use compare::{compare, line_up};
 pub use diagnose::{diagnose, why};
 pub use discover::{can_discover, discover, discover_after, effects_file, prepare_to_discover};
 pub use error::WorkflowError;
-pub use explain::{Explanation, Step, explain};
+pub use explain::{Explanation, Step, TakenOut, explain};
 pub use faults::{Faults, Listed};
 pub use identify::{Identified, identify};
 pub use loaded::{LoadedFlight, Reading, import_log, names, sha256};
