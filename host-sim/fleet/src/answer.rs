@@ -16,40 +16,14 @@ use crate::error::FleetError;
 use crate::events::{Event, Moment, events, explanations, motor_shares, odd_flights};
 use crate::fit::{Asked, Estimate, Pooled, of_many};
 use crate::history::{Flown, Kind, Series, Tests, voltages};
-use crate::index::Index;
 use crate::layout::{Craft, Fleet};
 use crate::pass::{Indexed, save};
+use crate::question::{Question, check, flights};
+use crate::reference::Reference;
 use crate::row::{Row, State};
 use crate::scatter::mean;
-use crate::when::{self, When};
-
-/// What is asked.
-#[derive(Debug, Clone, Default)]
-pub struct Question {
-    /// Effects beside the basic ones, in the place of those of each craft's reference.
-    pub effects: Option<Vec<Effect>>,
-    /// Effects that are left out.
-    pub without: Vec<Effect>,
-    /// Craft; all where none is named.
-    pub crafts: Vec<String>,
-    /// Flights that are left out, by their path in the fleet's folder.
-    pub leave_out: Vec<String>,
-    /// First and last moment, Unix time in s.
-    pub span_s: [Option<f64>; 2],
-    /// Whether logs may be read for the causes of changes.
-    pub causes: bool,
-}
-
-impl Question {
-    /// Whether the causes of changes may be looked up: what `quadlab diagnose --changed` says is about the usual effects.
-    pub fn looks_up_causes(&self) -> bool {
-        self.causes && self.is_usual()
-    }
-
-    fn is_usual(&self) -> bool {
-        self.effects.is_none() && self.without.is_empty()
-    }
-}
+use crate::unknown::Unknown;
+use crate::when::When;
 
 /// A flight of a craft as the tables and pages need it.
 pub struct FlightOf<'a> {
@@ -139,33 +113,12 @@ pub fn ask<'a>(fleet: &Fleet, indexed: &'a Indexed, question: &Question) -> Resu
         read_now: indexed.read,
         gone: indexed.gone.clone(),
         unclaimed: fleet.unclaimed.clone(),
+        unmatched: fleet.unmatched(&indexed.index),
         craft_against_craft: against_each_other(&answers, &histories, &vehicles),
         battery_against_battery: of_batteries(&answers, &histories),
         crafts: answers,
     };
     Ok(Answered { answer, histories })
-}
-
-/// Whether what is asked for is there.
-fn check(fleet: &Fleet, indexed: &Indexed, question: &Question) -> Result<(), FleetError> {
-    let craft_names = || fleet.crafts.iter().map(|craft| craft.name.as_str()).collect::<Vec<_>>().join(", ");
-    if let Some(wrong) =
-        question.crafts.iter().find(|own| fleet.crafts.iter().all(|craft| craft.name != **own))
-    {
-        return Err(FleetError::Asked(format!(
-            "--craft {wrong}: no such craft; there are {}",
-            craft_names()
-        )));
-    }
-    let is_there =
-        |own: &String| indexed.index.rows.iter().any(|row| row.file == *own || row.label() == *own);
-    if let Some(wrong) = question.leave_out.iter().find(|own| !is_there(own)) {
-        return Err(FleetError::Asked(format!(
-            "--leave-out {wrong}: no such flight; give its path in the fleet's folder, such as {}",
-            indexed.index.rows.first().map(Row::label).unwrap_or_default()
-        )));
-    }
-    Ok(())
 }
 
 /// A craft's flights, fitted.
@@ -178,7 +131,27 @@ struct Prepared<'a> {
     candidates: Vec<Candidate>,
     fit: Option<Pooled>,
     reference_fit: Option<Pooled>,
+    unknown: Unknown,
     copies: Vec<Unused>,
+}
+
+/// A craft's flights that are fitted, in the order in which they were flown, and the places before which it changed, with the first and
+/// last flight that may as well be the first after the change.
+pub(crate) struct History<'a> {
+    pub(crate) rows: Vec<&'a Row>,
+    pub(crate) events: Vec<(usize, [usize; 2])>,
+}
+
+/// The histories of all craft, by the usual question.
+pub(crate) fn histories<'a>(fleet: &Fleet, indexed: &'a Indexed) -> Vec<History<'a>> {
+    let prepare = |craft: &Craft| Prepared::new(fleet, indexed, &Question::default(), &craft.name);
+    let prepared: Vec<Prepared<'a>> = fleet.crafts.par_iter().map(prepare).collect();
+    let tests = Tests::of(prepared.iter().flat_map(|own| &own.series));
+    let history = |own: Prepared<'a>| History {
+        rows: own.flights.iter().map(|flight| flight.row).collect(),
+        events: events(&own.series, tests).into_iter().map(|(at, likely, _)| (at, likely)).collect(),
+    };
+    prepared.into_par_iter().map(history).collect()
 }
 
 impl<'a> Prepared<'a> {
@@ -197,6 +170,7 @@ impl<'a> Prepared<'a> {
             candidates: Vec::new(),
             fit: None,
             reference_fit: None,
+            unknown: Unknown::default(),
             copies,
         };
         own.fit(indexed, question);
@@ -213,18 +187,36 @@ impl<'a> Prepared<'a> {
             Some(more) => {
                 Effect::basic().filter(|e| of_reference.contains(e)).chain(more.iter().copied()).collect()
             }
-            None => of_reference.clone(),
+            None => of_reference,
         };
         effects.retain(|effect: &Effect| !question.without.contains(effect));
         let columns = &reference.columns;
-        let asked = Asked::new(columns, columns.of(&effects));
+        // What flights determine beside other effects, only the signs tell.
+        if question.effects.is_none() {
+            self.unknown = Unknown::of_reference(&reference.model);
+        }
+        self.fit_known(reference, &effects, question);
+        if self.unknown.add_signs(&reference.model, columns, &self.series) {
+            self.fit_known(reference, &effects, question);
+        }
+    }
+
+    /// Fits what is not unknown of some effects.
+    fn fit_known(&mut self, reference: &Reference, effects: &[Effect], question: &Question) {
+        let columns = &reference.columns;
+        let known = |effects: &[Effect]| {
+            let mut parameters = columns.of(effects);
+            parameters.retain(|k| !self.unknown.drops(&columns.parameters[*k]));
+            Asked::new(columns, parameters)
+        };
+        let asked = known(effects);
         self.candidates = Candidate::all(&reference.model, columns);
         self.candidates.retain(|candidate| !effects.contains(&candidate.change.effect));
         let rows: Vec<&Row> = self.flights.iter().map(|flight| flight.row).collect();
         let flown = Flown { rows: &rows, model: &reference.model, columns, asked: &asked };
         let fit = of_many(&flown.equations(), &asked);
         if !question.is_usual() {
-            let usual = Asked::new(columns, columns.of(&of_reference));
+            let usual = known(&reference.model.effects());
             self.reference_fit = Some(of_many(&flown.equations(), &usual));
         }
         self.series = flown.series(&fit, &self.candidates);
@@ -256,6 +248,7 @@ impl<'a> Prepared<'a> {
             span: last.map(|last| [self.moment(0), self.moment(last)]),
             no_model: kept.filter(|kept| kept.model.is_empty()).map(|kept| kept.why.clone()),
             effects: effects.unwrap_or_default(),
+            not_identified: self.unknown.reasons.clone(),
             coefficients: self.coefficients(indexed, since),
             axes: self.axes(),
             odd_flights: odd_flights(&self.series, &bounds, tests, &|at| self.moment(at)),
@@ -301,20 +294,26 @@ impl<'a> Prepared<'a> {
         else {
             return Vec::new();
         };
+        // A fit to flights from both sides of a change is of neither.
+        let since_then = (since > 0).then(|| {
+            let equations = self.flights[since..].iter().map(|flight| &flight.row.equations);
+            of_many(&equations.collect::<Vec<_>>(), asked)
+        });
+        let estimates = &since_then.as_ref().unwrap_or(fit).estimates;
         let series = self.series.iter().filter(|series| series.kind == Kind::Coefficient);
         let of = |((&parameter, estimate), series): ((&usize, &Option<Estimate>), &Series)| {
             let own = reference.columns.parameters[parameter];
             let first = series.at.partition_point(|at| *at < since);
-            CoefficientAnswer {
+            (!self.unknown.hides(&own)).then(|| CoefficientAnswer {
                 effect: own.effect,
                 name: own.effect.info().coefficients[own.coefficient].name.into(),
                 unit: series.unit.clone(),
                 value: estimate.map(|estimate| estimate.value),
                 std_error: estimate.map(|estimate| estimate.std_error),
                 now: mean(&series.values[first..]),
-            }
+            })
         };
-        asked.parameters.iter().zip(&fit.estimates).zip(series).map(of).collect()
+        asked.parameters.iter().zip(estimates).zip(series).filter_map(of).collect()
     }
 
     fn axes(&self) -> Option<PerAxis<AxisAnswer>> {
@@ -368,41 +367,16 @@ impl<'a> Prepared<'a> {
     }
 }
 
-/// A craft's flights that are asked for, and those that are copies of others.
-fn flights<'a>(
-    fleet: &Fleet,
-    index: &'a Index,
-    question: &Question,
-    craft: &str,
-) -> (Vec<FlightOf<'a>>, Vec<Unused>) {
-    let mut first: BTreeMap<(&str, usize), &str> = BTreeMap::new();
-    let (mut all, mut copies) = (Vec::new(), Vec::new());
-    for row in index.rows.iter().filter(|row| row.craft == craft && !fleet.settings.excludes(&row.file)) {
-        if let (Some(own), State::Used) = (first.get(&(row.sha256.as_str(), row.part)), row.state) {
-            copies.push(Unused { file: row.label(), why: format!("is a copy of {own}") });
-            continue;
-        }
-        first.insert((&row.sha256, row.part), &row.file);
-        let when = when_of(fleet, row);
-        let is_in = question.span_s[0].is_none_or(|from| when.unix_s >= from)
-            && question.span_s[1].is_none_or(|to| when.unix_s <= to);
-        let is_left_out = question.leave_out.iter().any(|own| *own == row.file || *own == row.label());
-        if is_in && !is_left_out {
-            all.push(FlightOf { row, when, battery: fleet.settings.battery(&row.file) });
-        }
-    }
-    (all, copies)
-}
-
-/// When a flight was flown.
-fn when_of(fleet: &Fleet, row: &Row) -> When {
-    let logged = row.logged_unix_s.map(|unix_s| When { unix_s, from: when::WhenFrom::Log });
-    let by_file = || {
-        let changed = std::time::Duration::from_nanos(u64::try_from(row.changed_ns).unwrap_or(0));
-        when::of_file(std::time::UNIX_EPOCH + changed)
+/// The series but for coefficients that are not listed, as they are not identified, and changes by themselves.
+fn listed(answer: &CraftAnswer, series: &[Series]) -> Vec<Series> {
+    let name = |own: &CoefficientAnswer| format!("{}.{}", own.effect.id(), own.name);
+    let names: Vec<String> = answer.coefficients.iter().map(name).collect();
+    let is_listed = |series: &&Series| match series.kind {
+        Kind::Coefficient => names.contains(&series.name),
+        Kind::Change => false,
+        Kind::Plain => true,
     };
-    let said = fleet.settings.date(&row.file);
-    said.or(logged).or_else(|| when::of_name(&row.file)).unwrap_or_else(by_file)
+    series.iter().filter(is_listed).cloned().collect()
 }
 
 fn against_each_other(
@@ -412,7 +386,7 @@ fn against_each_other(
 ) -> CraftComparison {
     let current = |((answer, history), vehicle): ((&'_ CraftAnswer, &'_ CraftHistory<'_>), &&[u8])| {
         let from = answer.changes.last().map_or(0, |event| event.at);
-        (answer.craft.clone(), vehicle.to_vec(), history.series.clone(), from)
+        (answer.craft.clone(), vehicle.to_vec(), listed(answer, &history.series), from)
     };
     let all: Vec<_> = answers.iter().zip(histories).zip(vehicles).map(current).collect();
     let borrowed: Vec<Current<'_>> = all
@@ -428,8 +402,7 @@ fn of_batteries(answers: &[CraftAnswer], histories: &[CraftHistory<'_>]) -> Batt
         .zip(histories)
         .map(|(answer, history)| {
             let rows: Vec<&Row> = history.flights.iter().map(|flight| flight.row).collect();
-            let mut series: Vec<Series> =
-                history.series.iter().filter(|series| series.kind != Kind::Change).cloned().collect();
+            let mut series = listed(answer, &history.series);
             series.extend(voltages(&rows));
             let batteries: Vec<_> = history.flights.iter().map(|flight| flight.battery.clone()).collect();
             (series, batteries, bounds(answer.changes.iter().map(|event| event.at), rows.len()))

@@ -3,12 +3,13 @@
 
 use std::path::PathBuf;
 
-use diagnosis::Options;
 use diagnosis::workflow::{FlightsOfOneKind, LoadedFlight, Observer, Silent, changed, identify, sha256};
+use diagnosis::{CoefficientFigures, Options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::error::one_line;
+use crate::events::Size;
 use crate::layout::{Craft, Fleet, READING};
 use crate::reference::{is_good, sets_of};
 use crate::row::Row;
@@ -17,6 +18,8 @@ use crate::words::word;
 /// Flights before a change that a model is made of, and flights after it that are held against it.
 const BEFORE: usize = 6;
 const AFTER: usize = 4;
+/// A change of what an answer holds is a new number: the logs are asked again.
+const ANSWER: &str = "2";
 
 /// What the logs say of a change.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -32,6 +35,9 @@ pub struct CauseInLogs {
     /// Its motor, for a change of one motor.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub motor: Option<u8>,
+    /// Its size, fitted without linearisation.
+    #[serde(default)]
+    pub coefficients: Vec<Size>,
     /// Changes that these flights cannot tell from it.
     #[serde(default)]
     pub confounded_with: Vec<String>,
@@ -62,7 +68,7 @@ pub(crate) fn key([before, after]: [&[&Row]; 2]) -> String {
         let of = |row: &&Row| format!("{} {} {}", row.sha256, row.part, row.context);
         rows.iter().map(of).collect::<Vec<_>>().join("\n")
     };
-    sha256(format!("{}\n|\n{}", told(before), told(after)).as_bytes())
+    sha256(format!("{ANSWER}\n{}\n|\n{}", told(before), told(after)).as_bytes())
 }
 
 /// Asks the logs.
@@ -78,6 +84,7 @@ pub(crate) fn ask(
         summary: String::new(),
         effect: None,
         motor: None,
+        coefficients: Vec::new(),
         confounded_with: Vec::new(),
         before: names(before),
         after: names(after),
@@ -104,12 +111,18 @@ fn answered(
         summary: diagnosis.summary.clone(),
         effect: best.map(|finding| finding.effect.id().to_owned()),
         motor: best.and_then(|finding| finding.motor),
+        coefficients: best.map(|finding| finding.coefficients.iter().map(size).collect()).unwrap_or_default(),
         confounded_with: best
             .map(|finding| finding.confounded_with.iter().map(|other| other.id().to_owned()).collect())
             .unwrap_or_default(),
         before: Vec::new(),
         after: Vec::new(),
     })
+}
+
+fn size(figures: &CoefficientFigures) -> Size {
+    let CoefficientFigures { name, value, std_error, unit, .. } = *figures;
+    Size { name: name.into(), value, std_error, unit: unit.into() }
 }
 
 /// The flights of some rows, read again.

@@ -1,6 +1,6 @@
 //! What an answer says: the document of `--json`.
 
-use model::{Effect, PerAxis};
+use model::{Effect, NotIdentified, PerAxis};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::Severity;
@@ -18,6 +18,8 @@ pub struct Answer {
     pub gone: Vec<String>,
     /// Folders with flights and no vehicle file.
     pub unclaimed: Vec<String>,
+    /// What `fleet.toml` says of flights that there are not, one sentence each.
+    pub unmatched: Vec<String>,
     /// Each craft.
     pub crafts: Vec<CraftAnswer>,
     /// Craft against craft, each since its last change.
@@ -44,7 +46,9 @@ pub struct CraftAnswer {
     pub no_model: Option<String>,
     /// The effects that are fitted.
     pub effects: Vec<Effect>,
-    /// The coefficients of all its flights together.
+    /// What of the model the flights do not determine; its coefficients are not listed and not compared.
+    pub not_identified: Vec<NotIdentified>,
+    /// The coefficients of its flights since the last change.
     pub coefficients: Vec<CoefficientAnswer>,
     /// What is left of each axis.
     pub axes: Option<PerAxis<AxisAnswer>>,
@@ -67,7 +71,7 @@ pub struct CoefficientAnswer {
     pub name: String,
     /// Unit.
     pub unit: String,
-    /// Of all flights fitted together; nothing where they do not determine it.
+    /// Of the flights since the last change, fitted together; nothing where they do not determine it.
     pub value: Option<f64>,
     /// Standard error: by the noise within flights, or by how flights differ where that is more.
     pub std_error: Option<f64>,

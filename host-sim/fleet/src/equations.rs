@@ -48,15 +48,15 @@ pub struct Columns {
 }
 
 impl Columns {
+    /// Whether flights have columns for an effect at all.
+    pub fn have(effect: Effect) -> bool {
+        let special = || effect.info().special;
+        !matches!(effect, Effect::User(_)) && !special().hangs_load && !special().adds_accelerations
+    }
+
     /// Those about a reference model.
     pub fn about(reference: &Model) -> Self {
-        let special = |effect: &Effect| effect.info().special;
-        let has_columns = |effect: &Effect| {
-            !matches!(effect, Effect::User(_))
-                && !special(effect).hangs_load
-                && !special(effect).adds_accelerations
-        };
-        let all = Effect::all().filter(has_columns);
+        let all = Effect::all().filter(|effect| Self::have(*effect));
         let (adjusting, linear): (Vec<Effect>, Vec<Effect>) =
             all.partition(|effect| effect.info().kind == Kind::Adjusting);
         let of = |effect: &Effect| {

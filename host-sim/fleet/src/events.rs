@@ -3,7 +3,7 @@
 use diagnosis::{AS_GOOD, rank_of_change};
 use model::Effect;
 use schemars::JsonSchema;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::cause::CauseInLogs;
 use crate::changes::{Base, Candidate, Shown};
@@ -58,7 +58,7 @@ pub struct Explanation {
     /// The motor, for a change of one motor.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motor: Option<u8>,
-    /// Its coefficients.
+    /// Its coefficients, to first order about the craft's reference (an extra mass is exact): `in_logs` has them without linearisation.
     pub coefficients: Vec<Size>,
     /// Part of what the model of the flights before leaves of the flights after that it takes away, on the axes where it acts, percent.
     pub drop_percent: f64,
@@ -71,7 +71,7 @@ pub struct Explanation {
 }
 
 /// How large a change is.
-#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Size {
     /// Name.
     pub name: String,
@@ -105,14 +105,14 @@ pub struct Event {
     pub likely: [String; 2],
     /// Flights before, since the change before this one, and after, until the next one.
     pub flights: [usize; 2],
-    /// What moved, the surest first.
+    /// What moved, the surest first; of the motors' shares, which sum to one, the one that moved most.
     pub moved: Vec<Moved>,
     /// What explains it, from what is kept of the flights, the best first; empty where no known change does.
     pub explanations: Vec<Explanation>,
     /// What `quadlab diagnose --changed` says of the logs before and after, where it was asked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub in_logs: Option<CauseInLogs>,
-    /// Whether the logs say otherwise than what is kept of the flights, so that neither is to be relied on.
+    /// Whether the logs say otherwise than what is kept of the flights: then the cause cannot be told.
     pub causes_disagree: bool,
     /// The plainest statistic beside it.
     pub motor_shares: MotorShares,
@@ -193,6 +193,7 @@ pub(crate) fn events(all: &[Series], tests: Tests) -> Vec<(usize, [usize; 2], Ve
         }
     }
     found.sort_by(|a, b| a.step.p_value.total_cmp(&b.step.p_value));
+    let is_share = |name: &str| all.iter().any(|series| series.is_share && series.name == name);
     let mut events: Vec<(usize, [usize; 2], Vec<Moved>)> = Vec::new();
     for Found { series, step, at, likely } in found {
         let moved = Moved {
@@ -215,7 +216,18 @@ pub(crate) fn events(all: &[Series], tests: Tests) -> Vec<(usize, [usize; 2], Ve
         }
     }
     events.sort_by_key(|(at, ..)| *at);
+    events.iter_mut().for_each(|(.., moved)| most_moved_first(moved, is_share));
     events
+}
+
+/// Puts the motors' shares, where they stand among what moved, in the order of how far they moved: as they sum to one, that of one motor
+/// moves those of the others, and these may scatter less.
+fn most_moved_first(moved: &mut [Moved], is_share: impl Fn(&str) -> bool) {
+    let places: Vec<usize> = (0..moved.len()).filter(|k| is_share(&moved[*k].series)).collect();
+    let mut shares: Vec<Moved> = places.iter().map(|k| moved[*k].clone()).collect();
+    let by = |own: &Moved| (own.after.value - own.before.value).abs();
+    shares.sort_by(|a, b| by(b).total_cmp(&by(a)));
+    places.into_iter().zip(shares).for_each(|(k, share)| moved[k] = share);
 }
 
 /// What explains a change, from the normal equations of the flights before and after.
@@ -261,7 +273,10 @@ fn explanation(
     let (mut coefficients, mut p_value) = (Vec::new(), 1.0_f64);
     for k in 0..candidate.parameters.len() {
         let (early, late) = (of(before, k), of(after, k));
-        let Some(step) = difference(&early, &late) else { continue };
+        let Some(mut step) = difference(&early, &late) else { continue };
+        if candidate.change.effect == Effect::MassChange {
+            step = step.of_mass(model.vehicle.mass)?;
+        }
         let info = candidate.coefficient(flown.columns, k);
         let (low, high) = info.possible_for(model.vehicle.arm_length);
         if model.vehicle.has_rotor_map() && !(low..=high).contains(&step.value) {
@@ -292,6 +307,19 @@ pub(crate) struct Difference {
     pub(crate) std_error: f64,
     /// Not corrected for anything.
     pub(crate) p_value: f64,
+}
+
+impl Difference {
+    /// An extra mass, where this is what the first order says: all accelerations are divided by 1 + d/m, and a first order that holds d
+    /// for small finds d/(1 + d/m) in them. Nothing where no mass does that.
+    fn of_mass(self, mass_kg: f64) -> Option<Self> {
+        let left = 1.0 - self.value / mass_kg;
+        (left > 0.0).then(|| Self {
+            value: self.value / left,
+            std_error: self.std_error / (left * left),
+            p_value: self.p_value,
+        })
+    }
 }
 
 pub(crate) fn difference(early: &[Estimate], late: &[Estimate]) -> Option<Difference> {
@@ -388,10 +416,38 @@ mod tests {
             summary: String::new(),
             effect: effect.map(|effect| effect.id().into()),
             motor,
+            coefficients: Vec::new(),
             confounded_with: confounded_with.iter().map(|effect| effect.id().into()).collect(),
             before: Vec::new(),
             after: Vec::new(),
         }
+    }
+
+    /// 0.1 kg more on 1.2187 kg: the first order is 0.1/(1 + 0.1/1.2187).
+    #[test]
+    fn an_extra_mass_is_told_beyond_the_first_order() {
+        let first = 0.1 / (1.0 + 0.1 / 1.2187);
+        let exact = Difference { value: first, std_error: 1e-4, p_value: 0.0 }.of_mass(1.2187).unwrap();
+        assert!((exact.value - 0.1).abs() < 1e-12 && exact.std_error > 1.1e-4, "{}", exact.value);
+        assert!(Difference { value: 2.0, std_error: 0.1, p_value: 0.0 }.of_mass(1.2187).is_none());
+    }
+
+    #[test]
+    fn of_the_shares_the_one_that_moved_most_comes_first() {
+        let mean = |value| Mean { value, std_error: 0.01, between: 0.0, flights: 5 };
+        let moved = |series: &str, by: f64| Moved {
+            series: series.into(),
+            kind: Kind::Plain,
+            unit: "1".into(),
+            before: mean(1.0),
+            after: mean(1.0 + by),
+            std_error: 0.01,
+            p_value: 1e-9,
+            drifts: false,
+        };
+        let mut all = [moved("share 4", -0.009), moved("mass", 0.3), moved("share 2", 0.028)];
+        most_moved_first(&mut all, |name| name.starts_with("share"));
+        assert_eq!(all.each_ref().map(|own| own.series.as_str()), ["share 2", "mass", "share 4"]);
     }
 
     #[test]

@@ -94,27 +94,32 @@ pub fn of_many(flights: &[&Equations], asked: &Asked) -> Pooled {
         held_out_rms: [f64::NAN; 6],
         held_out_of_flights: vec![[f64::NAN; 6]; flights.len()],
     };
-    let rows: usize = flights.iter().map(|flight| flight.rows).sum();
     for group in groups(flights, asked) {
+        // A flight without rows on an axis of the group says nothing of what the axes have in common.
+        let has_rows =
+            |flight: &Equations| group.axes.iter().all(|axis| !flight.axes[*axis].triangle.is_empty());
+        let told: Vec<usize> = (0..flights.len()).filter(|k| has_rows(flights[*k])).collect();
+        let flights: Vec<&Equations> = told.iter().map(|k| flights[*k]).collect();
+        let rows: usize = flights.iter().map(|flight| flight.rows).sum();
         let merged = |axis: usize, members: &[usize]| {
             let mut all = empty(members, true);
-            for flight in flights {
+            for flight in &flights {
                 all.absorb(&selected_full(&flight.axes[axis], asked, members));
             }
             (all, rows)
         };
         let Some((members, solution)) = solve_group(&group, merged, asked) else { continue };
         let joint = Joint { asked, members: &members, axes: &group.axes, solution: &solution };
-        for (at, variance) in joint.variances(flights).into_iter().enumerate() {
+        for (at, variance) in joint.variances(&flights).into_iter().enumerate() {
             let (value, std_error) = (solution.value[at], variance.max(0.0).sqrt());
             pooled.estimates[members[at]] = (std_error > 0.0).then_some(Estimate { value, std_error });
         }
-        let left = joint.left_out(flights);
+        let left = joint.left_out(&flights);
         for &axis in &group.axes {
             pooled.rms[axis] = solution.sigma[axis];
             let sum: f64 = flights.iter().zip(&left).map(|(f, left)| left[axis] * f.rows as f64).sum();
             pooled.held_out_rms[axis] = (sum / rows.max(1) as f64).sqrt();
-            pooled.held_out_of_flights.iter_mut().zip(&left).for_each(|(all, left)| all[axis] = left[axis]);
+            told.iter().zip(&left).for_each(|(k, left)| pooled.held_out_of_flights[*k][axis] = left[axis]);
         }
     }
     pooled

@@ -30,6 +30,8 @@ pub struct Index {
     pub(crate) references: BTreeMap<String, KeptReference>,
     /// Causes of changes that were looked up in the logs, by what was asked.
     pub(crate) causes: BTreeMap<String, Value>,
+    /// The flights for which it was last seen that no reference is from both sides of a change ([`crate::sides`]).
+    pub(crate) judged: String,
 }
 
 /// A craft's reference as it is kept.
@@ -153,6 +155,7 @@ impl Index {
             ("units".into(), units.to_string()),
             ("references".into(), serde_json::to_string(&self.references).unwrap_or_default()),
             ("causes".into(), serde_json::to_string(&causes).unwrap_or_default()),
+            ("judged".into(), self.judged.clone()),
         ]
     }
 
@@ -197,7 +200,9 @@ impl Index {
                 row.equations.axes[axis] = std::mem::take(own);
             }
         }
-        Some(Self { rows, references, causes })
+        // Indexes from before that was kept were not looked at for it.
+        let judged = table.says("judged").unwrap_or_default().to_owned();
+        Some(Self { rows, references, causes, judged })
     }
 }
 

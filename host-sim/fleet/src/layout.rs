@@ -10,6 +10,7 @@ use flights::ColumnMap;
 use model::{Model, Vehicle};
 
 use crate::error::FleetError;
+use crate::index::Index;
 use crate::settings::{SETTINGS, Settings};
 
 /// Name of a vehicle file.
@@ -27,6 +28,8 @@ pub(crate) const PARTS: &str = "parts";
 pub struct Craft {
     /// Name of its folder.
     pub name: String,
+    /// The folder.
+    pub(crate) folder: PathBuf,
     /// Its vehicle file's content.
     pub vehicle: Vehicle,
     /// The bytes of it: what was made of a flight depends on them.
@@ -76,6 +79,14 @@ impl Fleet {
         Ok(fleet)
     }
 
+    /// What the settings say of flights that are neither in the folder nor in the index, one sentence each.
+    pub(crate) fn unmatched(&self, index: &Index) -> Vec<String> {
+        let in_folder = self.crafts.iter().flat_map(|craft| &craft.files).map(|path| self.relative(path));
+        let mut files: Vec<String> = in_folder.collect();
+        files.extend(index.rows.iter().map(|row| row.file.clone()));
+        self.settings.unmatched(&files)
+    }
+
     /// A file's path in the fleet's folder, with slashes.
     pub(crate) fn relative(&self, path: &Path) -> String {
         let own = path.strip_prefix(&self.folder).unwrap_or(path);
@@ -96,7 +107,14 @@ impl Craft {
             true => Some((path.clone(), Model::read(&path).map_err(|why| FleetError::of_file(&path, &why))?)),
             false => None,
         };
-        Ok(Self { name, vehicle, vehicle_bytes, model, files: files_below(folder, index)? })
+        Ok(Self {
+            name,
+            folder: folder.into(),
+            vehicle,
+            vehicle_bytes,
+            model,
+            files: files_below(folder, index)?,
+        })
     }
 }
 

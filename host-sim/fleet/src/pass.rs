@@ -4,8 +4,9 @@
 //! depends on beside it is as it was. New files are read side by side, a batch at a time, and each batch is written as a part
 //! beside the index, whole or not at all: a pass that is stopped or killed goes on from there, and ends with the same bytes.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::UNIX_EPOCH;
 
@@ -18,9 +19,13 @@ use crate::index::{Index, KeptReference};
 use crate::layout::{Craft, Fleet, PARTS};
 use crate::reference::{Reference, context};
 use crate::row::{Row, State};
+use crate::sides;
 
 /// Files between one part and the next: what is read again at most after a kill.
 const BATCH: usize = 32;
+
+/// How often references are made anew at most: each time, what changed and when comes out a little otherwise.
+const ROUNDS: usize = 3;
 
 /// How a pass is made.
 #[derive(Debug, Clone, Copy, Default)]
@@ -72,10 +77,45 @@ pub fn pass(
     let folder = path.parent().unwrap_or(Path::new("."));
     std::fs::create_dir_all(folder).map_err(|why| FleetError::write(folder, why))?;
     let mut index = Index::read(path)?.unwrap_or_default();
-    let before = (index.rows.len(), index.references.clone());
+    let state = |index: &Index| (index.rows.len(), index.references.clone(), index.judged.clone());
+    let mut before = state(&index);
     take_parts(&mut index, path)?;
     let references = references(fleet, &mut index, path, options, observer)?;
-    let found = found(fleet, &references)?;
+    let mut indexed = Indexed { index, references, read: 0, read_mb: 0.0, gone: Vec::new() };
+    let mut files = BTreeSet::new();
+    for round in 0..=ROUNDS {
+        let options = if round == 0 { options } else { PassOptions::default() };
+        let changed = update(fleet, &mut indexed, &mut files, path, (options, observer))?;
+        let settled = match round {
+            ROUNDS => Ok(false),
+            _ => sides::settle(fleet, &mut indexed, observer),
+        };
+        if changed || before != state(&indexed.index) || !path.exists() {
+            save(&indexed.index, &indexed.references, &BTreeMap::new(), path)?;
+            before = state(&indexed.index);
+        }
+        let parts = parts_folder(path);
+        if parts.exists() {
+            std::fs::remove_dir_all(&parts).map_err(|why| FleetError::write(&parts, why))?;
+        }
+        if !settled? {
+            break;
+        }
+    }
+    indexed.read = files.len();
+    Ok(indexed)
+}
+
+/// Reads what is new, with the references as they are. Whether any row is new.
+fn update(
+    fleet: &Fleet,
+    indexed: &mut Indexed,
+    files: &mut BTreeSet<String>,
+    path: &Path,
+    (options, observer): (PassOptions, &dyn Observer),
+) -> Result<bool, FleetError> {
+    let Indexed { index, references, .. } = indexed;
+    let found = found(fleet, references)?;
     let mut known: BTreeMap<(String, String), Vec<Row>> = BTreeMap::new();
     for row in std::mem::take(&mut index.rows) {
         known.entry((row.craft.clone(), row.file.clone())).or_default().push(row);
@@ -93,20 +133,16 @@ pub fn pass(
         Some(((key.0.clone(), rows.first()?.sha256.clone()), key.clone()))
     };
     let contents = known.iter().filter_map(content).collect();
-    let mut reader = Reader { references: &references, known, contents, read: AtomicUsize::new(0), mb: 0.0 };
-    let changed = reader.read(&new, &index, path, observer)?;
+    let mut reader = Reader { references, known, contents, read: Mutex::default(), mb: 0.0 };
+    let changed = reader.read(&new, index, path, observer)?;
     let Reader { mut known, read, mb, .. } = reader;
-    let gone = gone(&found, &mut known, options);
+    let gone = gone(fleet, &found, &mut known, options);
     index.rows = known.into_values().flatten().collect();
     index.rows.sort_by(|a, b| a.place().cmp(&b.place()));
-    if changed || before != (index.rows.len(), index.references.clone()) || !path.exists() {
-        save(&index, &references, &BTreeMap::new(), path)?;
-    }
-    let parts = parts_folder(path);
-    if parts.exists() {
-        std::fs::remove_dir_all(&parts).map_err(|why| FleetError::write(&parts, why))?;
-    }
-    Ok(Indexed { index, references, read: read.into_inner(), read_mb: mb, gone })
+    files.extend(read.into_inner().unwrap_or_default());
+    indexed.read_mb += mb;
+    indexed.gone = gone;
+    Ok(changed)
 }
 
 /// Writes the index whole.
@@ -158,7 +194,7 @@ fn references(
             }
             (None, Some(kept)) => kept.clone(),
             (None, None) => {
-                let made = Reference::identified(craft, observer);
+                let made = Reference::identified(fleet, craft, None, observer);
                 if observer.is_cancelled() {
                     return Err(FleetError::Cancelled);
                 }
@@ -220,25 +256,34 @@ fn beside(path: &Path) -> String {
     text
 }
 
-/// What is gone, moved files aside; forgotten, where that is asked for.
+/// What is gone, moved files aside; forgotten, where that is asked for. Files that are excluded for now are not gone, and what was read of
+/// them stays for when they are not.
 fn gone(
+    fleet: &Fleet,
     found: &[Found<'_>],
     known: &mut BTreeMap<(String, String), Vec<Row>>,
     options: PassOptions,
 ) -> Vec<String> {
     let there: HashMap<(&str, &str), ()> =
         found.iter().map(|own| ((own.craft.name.as_str(), own.file.as_str()), ())).collect();
+    let is_there = |craft: &str, file: &str| {
+        let is_excluded = || fleet.settings.excludes(file) && fleet.folder.join(file).exists();
+        there.contains_key(&(craft, file)) || is_excluded()
+    };
     let contents: HashMap<(String, String), ()> = known
         .iter()
         .filter(|((craft, file), _)| there.contains_key(&(craft.as_str(), file.as_str())))
         .flat_map(|((craft, _), rows)| rows.iter().map(|row| ((craft.clone(), row.sha256.clone()), ())))
         .collect();
     known.retain(|(craft, file), rows| {
-        let is_there = there.contains_key(&(craft.as_str(), file.as_str()));
         let was_moved = rows.iter().any(|row| contents.contains_key(&(craft.clone(), row.sha256.clone())));
-        is_there || !was_moved && !options.forget
+        is_there(craft, file) || !was_moved && !options.forget
     });
-    let gone = known.keys().filter(|(craft, file)| !there.contains_key(&(craft.as_str(), file.as_str())));
+    // What is excluded, or of a craft that is gone as well, does not count.
+    let counts = |craft: &str, file: &str| {
+        fleet.crafts.iter().any(|own| own.name == craft) && !fleet.settings.excludes(file)
+    };
+    let gone = known.keys().filter(|(craft, file)| !is_there(craft, file) && counts(craft, file));
     gone.map(|(_, file)| file.clone()).collect()
 }
 
@@ -248,7 +293,7 @@ struct Reader<'a> {
     known: BTreeMap<(String, String), Vec<Row>>,
     /// Where a craft's content lies, by craft and hash.
     contents: HashMap<(String, String), (String, String)>,
-    read: AtomicUsize,
+    read: Mutex<BTreeSet<String>>,
     mb: f64,
 }
 
@@ -340,7 +385,9 @@ impl Reader<'_> {
         if let Some(rows) = self.same_content(own, &content) {
             return rows;
         }
-        self.read.fetch_add(1, Ordering::Relaxed);
+        if let Ok(mut read) = self.read.lock() {
+            read.insert(own.file.clone());
+        }
         let reference = self.references.get(&own.craft.name);
         let mut rows = crate::read::rows(bytes, own.path, &own.craft.vehicle, reference);
         rows.iter_mut().for_each(|row| row.sha256.clone_from(&content));

@@ -4,10 +4,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
 use diagnosis::workflow::{LoadedFlight, WorkflowError};
-use model::Vehicle;
-use sysid::{Prepared, Reference as Clock, Severity};
+use model::{Group, Vehicle};
+use sysid::{Fault, FaultKind, Prepared, Reference as Clock, Severity};
 
-use crate::equations::Equations;
+use crate::equations::{AxisEquations, Equations};
 use crate::error::{one_line, without_path};
 use crate::layout::READING;
 use crate::reference::Reference;
@@ -72,6 +72,10 @@ fn of_flight(flight: LoadedFlight, reference: Option<&Reference>) -> Row {
         sysid::align_to(model, &mut [&mut prepared], Clock::Model(delay_s));
         row.late_s = prepared.alignment.as_ref().map_or(f64::NAN, |alignment| alignment.late_s);
         row.equations = Equations::of(&prepared, model, columns);
+        if faults.iter().any(no_rotation) {
+            let rotation = Group::Rotation.axes();
+            rotation.for_each(|axis| row.equations.axes[axis.index()] = AxisEquations::default());
+        }
     }
     let volts = || prepared.stretches.iter().flat_map(|stretch| &stretch.battery_v);
     if prepared.has_voltage {
@@ -82,6 +86,11 @@ fn of_flight(flight: LoadedFlight, reference: Option<&Reference>) -> Row {
         (row.motor_shares, row.mean_command) = shares(&prepared);
     }
     row
+}
+
+/// Whether a fault says that no rotation can be fitted to a flight.
+fn no_rotation(fault: &Fault) -> bool {
+    fault.kind == FaultKind::WanderingClock && fault.severity != Severity::Note
 }
 
 /// Each motor's part of the mean command, and that.

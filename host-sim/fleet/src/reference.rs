@@ -2,7 +2,8 @@
 //!
 //! It holds what a fit from normal equations cannot move: the lag of the motors, dead times, winds, and the clock that offsets of
 //! flights are counted from. It is `model.toml` in the craft's folder where there is one, else the basic model identified from a few
-//! of its flights, spread over all of them. It is made once and stays while flights come and go.
+//! of its flights, spread over all of them. It is made once and stays while flights come and go, unless the craft changed between two
+//! of these flights ([`crate::sides`]).
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +15,8 @@ use sysid::Severity;
 
 use crate::equations::{Columns, Parameter};
 use crate::error::{FleetError, one_line};
-use crate::layout::{Craft, READING};
+use crate::layout::{Craft, Fleet, READING};
+use crate::row::Row;
 
 /// Flights that a reference is identified from, and files that are tried for them.
 const FLIGHTS: usize = 6;
@@ -22,7 +24,7 @@ const TRIED: usize = 30;
 /// Of so many flights one is held out.
 const HELD_OUT: usize = 3;
 /// A change of how flights are prepared and kept is a new number: all are read again.
-const PREPARATION: &str = "1";
+const PREPARATION: &str = "2";
 
 /// A reference model.
 #[derive(Debug, Clone)]
@@ -45,22 +47,35 @@ impl Reference {
         Ok(Self { model, columns, context })
     }
 
-    /// Identifies one from a few flights of a craft.
+    /// Identifies one from a few flights of a craft: of all that are not excluded, or `among` some that are known.
     ///
     /// # Errors
     /// A sentence: why these flights give no model.
-    pub(crate) fn identified(craft: &Craft, observer: &dyn Observer) -> Result<String, String> {
+    pub(crate) fn identified(
+        fleet: &Fleet,
+        craft: &Craft,
+        among: Option<&[&Row]>,
+        observer: &dyn Observer,
+    ) -> Result<String, String> {
         let activity = format!("{}: a first model", craft.name);
         observer.progress(Progress { activity: &activity, steps: None });
         let mut flights: Vec<LoadedFlight> = Vec::new();
-        for path in spread(&craft.files).into_iter().take(TRIED) {
+        for path in spread(&files(fleet, craft, among)).into_iter().take(TRIED) {
             if observer.is_cancelled() {
                 return Err(FleetError::Cancelled.to_string());
             }
             let paths = [path.clone()];
             let Ok(read) = FlightsOfOneKind::read(&paths, &craft.vehicle, READING, &Silent) else { continue };
+            let file = fleet.relative(path);
+            let is_asked = |flight: &LoadedFlight| {
+                among.is_none_or(|rows| {
+                    rows.iter().any(|row| row.file == file && row.name == flight.prepared.name)
+                })
+            };
             let good = |flight: &LoadedFlight| {
-                is_good(flight) && flights.iter().all(|known| known.sha256 != flight.sha256)
+                is_good(flight)
+                    && is_asked(flight)
+                    && flights.iter().all(|known| known.sha256 != flight.sha256)
             };
             let read: Vec<LoadedFlight> = read.flights.into_iter().filter(good).collect();
             flights.extend(read);
@@ -71,6 +86,21 @@ impl Reference {
         let mut sets = sets_of(flights, craft)?;
         let found = identify(&craft.vehicle, &[], &mut sets, None, &Silent);
         found.map(|found| found.model.to_toml()).map_err(one_line)
+    }
+}
+
+/// The files to look for flights in.
+fn files(fleet: &Fleet, craft: &Craft, among: Option<&[&Row]>) -> Vec<PathBuf> {
+    match among {
+        None => {
+            let is_used = |path: &&PathBuf| !fleet.settings.excludes(&fleet.relative(path));
+            craft.files.iter().filter(is_used).cloned().collect()
+        }
+        Some(rows) => {
+            let mut files: Vec<PathBuf> = rows.iter().map(|row| fleet.folder.join(&row.file)).collect();
+            files.dedup();
+            files
+        }
     }
 }
 

@@ -76,6 +76,25 @@ impl Settings {
         Ok(Self { exclude, batteries, dates })
     }
 
+    /// What is said of none of some files, one sentence each.
+    pub(crate) fn unmatched(&self, files: &[String]) -> Vec<String> {
+        let Some(example) = files.first() else { return Vec::new() };
+        let none = |pattern: &Pattern| !files.iter().any(|file| matches(pattern, file));
+        let told = |what: String| {
+            format!(
+                "{SETTINGS}: {what} is the path of no flight; write paths in the fleet's folder, such as {example}"
+            )
+        };
+        let excluded = self.exclude.iter().filter(|own| none(own));
+        let batteries = self.batteries.iter().filter(|(own, _)| none(own));
+        let dates = self.dates.keys().filter(|file| !files.contains(file));
+        excluded
+            .map(|own| told(format!("exclude: \"{own}\"")))
+            .chain(batteries.map(|(own, battery)| told(format!("[batteries] {battery}: \"{own}\""))))
+            .chain(dates.map(|file| told(format!("[dates] \"{file}\""))))
+            .collect()
+    }
+
     /// Whether a file is never used.
     pub(crate) fn excludes(&self, file: &str) -> bool {
         self.exclude.iter().any(|pattern| matches(pattern, file))
@@ -137,6 +156,19 @@ mod tests {
             let why = settings(text).unwrap_err().to_string();
             assert!(why.starts_with("fleet.toml: ") && why.contains(said) && !why.contains('\n'), "{why}");
         }
+    }
+
+    #[test]
+    fn what_is_said_of_no_flight_is_named() {
+        let text = "exclude = [\"b/**\", \"a/x*\"]\n[batteries]\nB7 = [\"a/2.csv\", \"a/b/*.csv\"]\n[dates]\n\"a/3.csv\" = \"2026-03-04\"\n";
+        let files = ["a/1.csv", "a/2.csv", "a/x1.csv"].map(String::from);
+        let found = settings(text).unwrap().unmatched(&files);
+        for (told, what) in
+            found.iter().zip(["exclude: \"b/**\"", "[batteries] B7: \"a/b/*.csv\"", "[dates] \"a/3.csv\""])
+        {
+            assert!(told.starts_with(&format!("fleet.toml: {what} is the path of no flight")), "{told}");
+        }
+        assert_eq!(found.len(), 3);
     }
 
     #[test]

@@ -70,6 +70,8 @@ fn the_logs_are_asked_once_for_the_cause() {
     let logs = event.in_logs.as_ref().unwrap();
     assert_eq!(logs.effect.as_deref(), Some("mass-change"), "{}", logs.summary);
     assert!(!event.causes_disagree, "{event:#?}");
+    let [size] = &logs.coefficients[..] else { panic!("{logs:?}") };
+    assert!(size.name == "extra_mass" && (size.value - 0.06).abs() < 0.001, "{size:?}");
     // The logs may go: the answer stays, and nothing is looked up.
     for day in 1..=10 {
         std::fs::remove_file(folder.join(format!("2026-03-{day:02}.csv"))).unwrap();
@@ -79,4 +81,44 @@ fn the_logs_are_asked_once_for_the_cause() {
     assert_eq!(answered.answer.crafts[0].changes[0], event);
     look_up_causes(&mut answered, &fleet, &indexed, &path, &Silent).unwrap();
     assert_eq!(answered.answer.crafts[0].changes, [event]);
+}
+
+/// Five flights before a change and five after it: a first reference is from both. What is named, and how large it is, is that of a model of
+/// the flights before, by the usual effects and by others.
+#[test]
+fn causes_and_sizes_are_those_about_the_flights_before() {
+    let cases = [
+        (with(Effect::MotorEfficiency, &[0.0, 0.14, 0.0, 0.0]), Effect::MotorEfficiency, Some(2), 0.14),
+        (with(Effect::MassChange, &[0.1]), Effect::MassChange, None, 0.1),
+        (with(Effect::ComOffset, &[0.0044, 0.0]), Effect::ComOffset, None, 0.0044),
+    ];
+    for (k, (after, effect, motor, size)) in cases.iter().enumerate() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = craft(root.path(), "quad-1");
+        for day in 1..=10 {
+            let model = if day < 6 { truth() } else { after.clone() };
+            flight(&folder, &model, day, 200 * k as u64 + day, 12.0);
+        }
+        let (fleet, indexed) = updated(root.path(), PassOptions::default(), &Silent);
+        assert_eq!(indexed.read, 10, "files, however often they were read");
+        let reference = &indexed.references["quad-1"].model;
+        let flights = &reference.fit.as_ref().unwrap().flights;
+        assert!(flights.iter().all(|flight| *flight.name < *"2026-03-06"), "{flights:?}");
+        let usual = Question::default();
+        let other = Question { without: vec![Effect::LinearDrag], ..Question::default() };
+        for question in [usual, other] {
+            let answer = asked(&fleet, &indexed, &question);
+            let [event] = &answer.crafts[0].changes[..] else { panic!("{effect}: {:#?}", answer.crafts[0]) };
+            let best = &event.explanations[0];
+            assert_eq!((best.effect, best.motor), (*effect, *motor), "{event:#?}");
+            let found = &best.coefficients[0];
+            println!("{effect} without {:?}: {} +- {}", question.without, found.value, found.std_error);
+            assert!((found.value / size - 1.0).abs() < 0.02, "{effect}: {found:?}");
+        }
+        // What the craft is now is not a mean of what it was and is.
+        let now = &asked(&fleet, &indexed, &Question::default()).crafts[0].coefficients[0];
+        let (together, alone) = (now.value.unwrap(), now.now.unwrap());
+        assert!((together - alone.value).abs() < 5.0 * alone.std_error, "{now:?}");
+        assert_eq!(updated(root.path(), PassOptions::default(), &Silent).1.read, 0);
+    }
 }

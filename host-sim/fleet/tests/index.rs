@@ -8,6 +8,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use common::{asked, craft, flight, index, text, truth, updated};
 use diagnosis::workflow::{Observer, Progress, Silent};
 use fleet::{Fleet, FleetError, PassOptions, Question, pass};
+use flights::Column;
 use model::Effect;
 
 fn fleet_of(flights: u64) -> tempfile::TempDir {
@@ -89,6 +90,88 @@ fn damaged_files_are_rows_and_a_copy_counts_once() {
     assert!(why("a.csv").starts_with("not readable: ") && why("b.ulg").starts_with("not readable: "));
     assert_eq!(why("copy.csv"), "is a copy of quad-1/2026-03-02.csv");
     assert_eq!(updated(root.path(), OPTIONS, &Silent).1.read, 0);
+}
+
+/// An exclusion is taken back: the file was there all the time, and is not read again.
+#[test]
+fn what_is_excluded_is_not_gone_and_not_forgotten() {
+    let root = fleet_of(5);
+    let settings = root.path().join("fleet.toml");
+    let first = updated(root.path(), OPTIONS, &Silent).1;
+    std::fs::write(&settings, "exclude = [\"quad-1/2026-03-0[45]*\"]").unwrap();
+    let (fleet, indexed) = updated(root.path(), PassOptions { forget: true, ..OPTIONS }, &Silent);
+    let answer = asked(&fleet, &indexed, &Question::default());
+    assert_eq!((indexed.gone.len(), answer.crafts[0].flights, answer.unmatched.len()), (0, 3, 0));
+    std::fs::remove_file(&settings).unwrap();
+    let (_, again) = updated(root.path(), OPTIONS, &Silent);
+    assert_eq!((again.read, again.index.rows.len()), (0, 5));
+    assert!(again.index.rows == first.index.rows);
+}
+
+#[test]
+fn what_no_flight_answers_is_said() {
+    let root = fleet_of(3);
+    let text = "[batteries]\nB7 = [\"quad-9/*\"]\n[dates]\n\"quad-1/1.csv\" = \"2026-03-04\"\n";
+    std::fs::write(root.path().join("fleet.toml"), text).unwrap();
+    let (fleet, indexed) = updated(root.path(), OPTIONS, &Silent);
+    let unmatched = asked(&fleet, &indexed, &Question::default()).unmatched;
+    assert!(unmatched.len() == 2 && unmatched[0].contains("B7: \"quad-9/*\""), "{unmatched:?}");
+    let refused = |question: &Question| fleet::ask(&fleet, &indexed, question).err().unwrap().to_string();
+    let load = Question { effects: Some(vec![Effect::SlungLoad]), ..Question::default() };
+    assert!(
+        refused(&load).starts_with("--effects slung-load: the index keeps nothing"),
+        "{}",
+        refused(&load)
+    );
+    let late = Question { span_s: [fleet::of_text("2027-01-01"), None], ..Question::default() };
+    let said = "no flight is from 2027-01-01 00:00 on (--since); the flights are from 2026-03-01 00:00 to 2026-03-03 00:00";
+    assert_eq!(refused(&late), said);
+    let one = Question { span_s: [fleet::of_text("2026-03-03"), None], ..Question::default() };
+    assert_eq!(asked(&fleet, &indexed, &one).crafts[0].flights, 1);
+}
+
+/// One craft's commands are stamped 0 to 70 ms late, to and fro within each flight: the checks say that no rotation can be fitted to these.
+#[test]
+fn what_is_not_identified_is_neither_listed_nor_compared() {
+    let root = tempfile::tempdir().unwrap();
+    for (name, wanders) in [("quad-1", false), ("quad-2", true)] {
+        let folder = craft(root.path(), name);
+        for day in 1..=4 {
+            let mut flown = common::fly(&truth(), day, 40.0, &common::ORDINARY);
+            if wanders {
+                wander(&mut flown);
+            }
+            std::fs::write(folder.join(format!("2026-03-{day:02}.csv")), flown.to_csv()).unwrap();
+        }
+    }
+    let (fleet, indexed) = updated(root.path(), OPTIONS, &Silent);
+    let wandering = |row: &fleet::Row| row.faults.iter().any(|fault| fault.kind == "wandering-clock");
+    for row in &indexed.index.rows {
+        assert_eq!(wandering(row), row.craft == "quad-2", "{} {:?}", row.label(), row.faults);
+        let axes = &row.equations.axes;
+        assert!(axes[..3].iter().all(|axis| !axis.triangle.is_empty()));
+        assert!(axes[3..].iter().all(|axis| axis.triangle.is_empty() == wandering(row)));
+    }
+    let answer = asked(&fleet, &indexed, &Question::default());
+    let rotates = |effect: Effect| effect.info().axes.iter().all(|axis| !axis.is_force());
+    let told = |own: &fleet::CraftAnswer| {
+        own.coefficients.iter().filter(|c| rotates(c.effect) && c.now.is_some()).count()
+    };
+    let [steady, wanders] = &answer.crafts[..] else { panic!("two craft") };
+    assert!(told(steady) > 10 && steady.not_identified.is_empty(), "{:?}", steady.not_identified);
+    assert!(told(wanders) == 0, "{:?}", wanders.coefficients);
+    assert!(answer.craft_against_craft.compared <= 4, "{}", answer.craft_against_craft.compared);
+}
+
+/// Moves the commands to and fro in time, by 0 to 70 ms within 13 s.
+fn wander(flown: &mut flights::Flight) {
+    for column in [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4] {
+        let own = flown.column(column).unwrap().to_vec();
+        let late =
+            |k: usize| (3.5 + 3.5 * (0.01 * k as f64 * std::f64::consts::TAU / 13.0).sin()).round() as usize;
+        let moved = (0..own.len()).map(|k| own[k.saturating_sub(late(k))]).collect();
+        flown.replace(column, moved);
+    }
 }
 
 /// Stops once so many flights were read.
