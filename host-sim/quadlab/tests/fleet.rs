@@ -69,7 +69,9 @@ fn what_cannot_be_asked_is_refused_in_one_line() {
         (&["fleet", "fleet", "--craft", "three"], "no such craft; there are one, two"),
         (&["fleet", "fleet", "--leave-out", "x.csv"], "no such flight"),
         (&["fleet", "fleet", "--effects", "magic"], "magic"),
+        (&["fleet", "fleet", "--effects", "slung-load"], "--effects slung-load: the index keeps nothing"),
         (&["fleet", "fleet", "--since", "soon"], "--since soon: is no date"),
+        (&["fleet", "fleet", "--since", "2027-01-01"], "the flights are from 2026-03-01 00:00 to 2026-03-05"),
         (&["fleet", "fleet", "--out", "fleet/tables"], "lies in the fleet's folder"),
     ] {
         std::fs::create_dir_all(root.path().join("tables")).unwrap();

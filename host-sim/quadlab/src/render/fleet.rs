@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use fleet::{
     Answer, Answered, BatteryDifference, CraftAnswer, CraftDifference, CraftHistory, Event, Explanation,
-    Moment,
+    Moment, Size,
 };
 use report::number::{p_value, with_error};
 use report::{Page, Section, significant};
@@ -43,6 +43,7 @@ pub(crate) fn warnings(answer: &Answer) -> Vec<String> {
     all.extend(answer.unclaimed.iter().map(|folder| {
         format!("{folder}: has flights and no vehicle.toml, so it is not looked at (quadlab init makes one from logs)")
     }));
+    all.extend(answer.unmatched.iter().cloned());
     all.extend(answer.crafts.iter().filter_map(|craft| {
         let why = craft.no_model.as_ref()?;
         Some(format!("{}: no model, so only its loggers are looked at: {why}", craft.craft))
@@ -117,38 +118,72 @@ fn dated(moment: &Moment) -> String {
     format!("{} {by}", moment.date)
 }
 
-/// What explains a change, the logs' own answer first.
+/// What explains a change: the logs' own answer with its size, else what is kept of the flights says.
 fn explained(event: &Event) -> String {
-    let mut explanations = event.best_explanations();
-    let kept = match explanations.next() {
-        Some(best) => {
-            let others: Vec<String> = explanations.map(named).collect();
-            let besides = if others.is_empty() {
-                String::new()
-            } else {
-                format!(" (or {}: these flights do not tell them apart)", others.join(", "))
-            };
-            format!("{}{besides}", sized(best))
-        }
-        None => "no known change explains it".into(),
-    };
-    match &event.in_logs {
-        Some(logs) if !logs.is_answer() => {
-            format!("{kept}; the logs were not asked: {}", logs.summary)
-        }
+    if event.causes_disagree {
+        return format!(
+            "the cause cannot be told: what is kept of the flights says {}, diagnose --changed says {}; look at what was done to the craft then",
+            event.explanations.first().map_or_else(|| "no known change".into(), named),
+            in_logs(event).unwrap_or_default()
+        );
+    }
+    let logs = event.in_logs.as_ref();
+    match logs.filter(|logs| logs.effect.is_some()) {
+        // Its size is that of a fit without linearisation.
         Some(logs) => {
-            let effect = logs.effect.clone().unwrap_or_else(|| logs.verdict.clone());
-            let motor = of_motor(logs.motor);
-            let others = logs.confounded_with.join(", ");
-            let besides = if others.is_empty() { String::new() } else { format!(" (or {others})") };
-            let warning = if event.causes_disagree {
-                ", so that the cause is uncertain: look at both, and at what was done to the craft then"
-            } else {
-                ""
-            };
-            format!("{kept}; diagnose --changed says {effect}{motor}{besides}{warning}")
+            let name = in_logs(event).unwrap_or_default();
+            let mut others: Vec<String> = event.best_explanations().map(named).collect();
+            others.extend(logs.confounded_with.iter().cloned());
+            let sizes = sizes(&logs.coefficients);
+            format!("{name}{sizes}{}; diagnose --changed says so too", besides(&name, others))
         }
-        None => kept,
+        None => {
+            let mut explanations = event.best_explanations();
+            let kept = explanations.next().map_or_else(
+                || "no known change explains it".into(),
+                |best| {
+                    let (name, sizes) = (named(best), sizes(&best.coefficients));
+                    let others = besides(&name, explanations.map(named).collect());
+                    format!("{name}{sizes}, to first order{others}")
+                },
+            );
+            match logs {
+                Some(logs) if logs.is_answer() => format!("{kept}; diagnose --changed says {}", logs.verdict),
+                Some(logs) => format!("{kept}; the logs were not asked: {}", logs.summary),
+                None => kept,
+            }
+        }
+    }
+}
+
+/// What the logs say, where they were asked.
+fn in_logs(event: &Event) -> Option<String> {
+    let logs = event.in_logs.as_ref().filter(|logs| logs.is_answer())?;
+    let effect = logs.effect.as_ref().unwrap_or(&logs.verdict);
+    Some(format!("{effect}{}", of_motor(logs.motor)))
+}
+
+/// The cause of a change in a word or two.
+fn cause(event: &Event) -> String {
+    if event.causes_disagree {
+        return "cannot be told".into();
+    }
+    let of_logs = event.in_logs.as_ref().is_some_and(|logs| logs.effect.is_some());
+    let kept = || event.explanations.first().map_or("no known change".into(), named);
+    in_logs(event).filter(|_| of_logs).unwrap_or_else(kept)
+}
+
+/// Other causes than `name` that explain a change as well.
+fn besides(name: &str, mut others: Vec<String>) -> String {
+    let mut seen = vec![name.to_owned()];
+    others.retain(|other| {
+        let is_new = !seen.contains(other);
+        seen.push(other.clone());
+        is_new
+    });
+    match others.is_empty() {
+        true => String::new(),
+        false => format!(" (or {}: these flights do not tell them apart)", others.join(", ")),
     }
 }
 
@@ -160,13 +195,11 @@ fn of_motor(motor: Option<u8>) -> String {
     motor.map(|motor| format!(" of motor {motor}")).unwrap_or_default()
 }
 
-fn sized(own: &Explanation) -> String {
-    let sizes: Vec<String> = own
-        .coefficients
-        .iter()
-        .map(|size| format!("{} by {}", size.name, with_error(size.value, size.std_error, &size.unit)))
-        .collect();
-    format!("{}, {}", named(own), sizes.join(", "))
+/// ", extra_mass by 0.1000 ± 0.0005 kg".
+fn sizes(all: &[Size]) -> String {
+    let told =
+        |size: &Size| format!(", {} by {}", size.name, with_error(size.value, size.std_error, &size.unit));
+    all.iter().map(told).collect()
 }
 
 fn grids(answer: &Answer) -> Vec<Grid> {
@@ -175,6 +208,7 @@ fn grids(answer: &Answer) -> Vec<Grid> {
         changes(answer),
         shares(answer),
         odd(answer),
+        not_identified(answer),
         coefficients(answer),
         axes(answer),
         against_each_other(answer),
@@ -217,7 +251,7 @@ fn crafts(answer: &Answer) -> Grid {
 
 fn changes(answer: &Answer) -> Grid {
     let mut grid = Grid::new(
-        "Changes: what moved most (p: chance of as large a step anywhere in the fleet), and what explains it",
+        "Changes: what moved most certainly (p: chance of as large a step anywhere in the fleet), and what explains it",
         [
             text("craft"),
             text("from flight"),
@@ -237,7 +271,7 @@ fn changes(answer: &Answer) -> Grid {
             with_error(moved.before.value, moved.before.std_error, &moved.unit),
             with_error(moved.after.value, moved.after.std_error, &moved.unit),
             p_value(moved.p_value),
-            event.explanations.first().map_or("no known change".into(), named),
+            cause(event),
         ]);
     }
     grid
@@ -289,15 +323,30 @@ fn odd(answer: &Answer) -> Grid {
     grid
 }
 
+fn not_identified(answer: &Answer) -> Grid {
+    let mut grid = Grid::new(
+        "Not identified: coefficients of these axes are not listed and not compared",
+        [text("craft"), text("axes"), text("why"), text("to determine it")],
+    );
+    for craft in &answer.crafts {
+        for own in &craft.not_identified {
+            let of_group = || own.group.axes().map(|axis| axis.name()).collect::<Vec<_>>().join(" ");
+            let axes = own.axis.map_or_else(of_group, |axis| axis.name().to_owned());
+            grid.push([craft.craft.clone(), axes, own.reason.clone(), own.fly.clone()]);
+        }
+    }
+    grid
+}
+
 fn coefficients(answer: &Answer) -> Grid {
     let mut grid = Grid::new(
-        "Coefficients: of all flights together, and of the flights one by one since the last change with their scatter",
+        "Coefficients since the last change: of the flights together, and of the flights one by one with their scatter",
         [
             text("craft"),
             text("effect"),
             text("coefficient"),
-            text("all flights"),
-            text("now"),
+            text("together"),
+            text("one by one"),
             text("scatter"),
         ],
     );
