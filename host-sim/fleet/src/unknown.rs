@@ -107,7 +107,8 @@ mod tests {
     /// A damping that drives, by ten of its errors; by three it is next to zero.
     #[test]
     fn a_damping_that_drives_leaves_the_rotation_unknown() {
-        let model = Model::thesis();
+        let mut model = Model::thesis();
+        model.set(Effect::AngularDamping, &[-0.7, -0.65, -0.5]);
         let columns = Columns::about(&model);
         let own = columns.parameters.iter().find(|p| p.effect == Effect::AngularDamping).unwrap();
         let driving = |value| Series {
