@@ -282,13 +282,7 @@ impl fmt::Display for Reason {
                 "needs {coefficient} = {}, outside the physically possible range {low} to {high}",
                 with_unit(&significant(*value, 3), unit)
             ),
-            Self::NoAnchor { place_ned_m } => {
-                let [north, east, down] = place_ned_m.map(|metres| fixed(metres, 1));
-                write!(
-                    f,
-                    "the cable would end where nothing can hold it: {north} m north, {east} m east, {down} m down"
-                )
-            }
+            Self::NoAnchor { place_ned_m } => write_no_anchor(f, *place_ned_m),
             Self::OwnRule { effect, first } => {
                 let info = effect.info();
                 let objection = info.special.requirement.map_or("", |rule| rule.objection);
@@ -317,6 +311,12 @@ impl fmt::Display for Reason {
             | Self::NotJudged => self.write_of_change(f),
         }
     }
+}
+
+/// Where a cable would end that nothing can hold.
+fn write_no_anchor(f: &mut fmt::Formatter<'_>, place_ned_m: [f64; 3]) -> fmt::Result {
+    let [north, east, down] = place_ned_m.map(|metres| fixed(metres, 1));
+    write!(f, "the cable would end where nothing can hold it: {north} m north, {east} m east, {down} m down")
 }
 
 impl Reason {
