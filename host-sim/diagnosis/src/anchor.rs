@@ -6,7 +6,7 @@
 use nalgebra::Vector3;
 use sysid::prepare::Prepared;
 
-use crate::finding::EffectFinding;
+use crate::finding::{Anchor, EffectFinding};
 
 /// Standard errors by which an anchor may be nearer.
 const DOUBT: f64 = 2.0;
@@ -14,41 +14,27 @@ const DOUBT: f64 = 2.0;
 const LEAST_REACH_M: f64 = 5.0;
 const REACH: f64 = 2.0;
 
-/// The place where a cable would end.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Anchor {
-    /// North, east, down, m.
-    pub(crate) place_ned_m: [f64; 3],
-    /// Its distance from the space that was flown, and how far a cable reaches, m.
-    pub(crate) distance_m: f64,
-    pub(crate) reach_m: f64,
-    /// How far it lies under the floor, m: that is at zero, or as low as was flown.
-    pub(crate) depth_m: f64,
-}
-
-impl Anchor {
-    /// Of an effect that pulls to a point, as it was estimated; nothing of one that pushes.
-    pub(crate) fn of(finding: &EffectFinding, flights: &[&Prepared]) -> Option<Self> {
-        let [stiffness, pull @ ..] = &finding.coefficients[..] else { return None };
-        if !finding.effect.info().special.is_anchored || pull.len() != 3 || !(stiffness.value > 0.0) {
-            return None;
-        }
-        let place_ned_m: [f64; 3] = std::array::from_fn(|k| pull[k].value / stiffness.value);
-        let doubt_m: [f64; 3] = std::array::from_fn(|k| {
-            DOUBT * pull[k].std_error.hypot(place_ned_m[k] * stiffness.std_error) / stiffness.value
-        });
-        let (low, high) = flown(flights)?;
-        let nearest = |k: usize| {
-            let outside = (low[k] - place_ned_m[k]).max(place_ned_m[k] - high[k]);
-            (outside - doubt_m[k]).max(0.0)
-        };
-        Some(Self {
-            place_ned_m,
-            distance_m: Vector3::new(nearest(0), nearest(1), nearest(2)).norm(),
-            reach_m: LEAST_REACH_M.max(REACH * (high - low).norm()),
-            depth_m: place_ned_m[2] - doubt_m[2] - high[2].max(0.0),
-        })
+/// Of an effect that pulls to a point, as it was estimated; nothing of one that pushes.
+pub(crate) fn anchor_of(finding: &EffectFinding, flights: &[&Prepared]) -> Option<Anchor> {
+    let [stiffness, pull @ ..] = &finding.coefficients[..] else { return None };
+    if !finding.effect.info().special.is_anchored || pull.len() != 3 || !(stiffness.value > 0.0) {
+        return None;
     }
+    let place_ned_m: [f64; 3] = std::array::from_fn(|k| pull[k].value / stiffness.value);
+    let doubt_m: [f64; 3] = std::array::from_fn(|k| {
+        DOUBT * pull[k].std_error.hypot(place_ned_m[k] * stiffness.std_error) / stiffness.value
+    });
+    let (low, high) = flown(flights)?;
+    let nearest = |k: usize| {
+        let outside = (low[k] - place_ned_m[k]).max(place_ned_m[k] - high[k]);
+        (outside - doubt_m[k]).max(0.0)
+    };
+    Some(Anchor {
+        place_ned_m,
+        distance_m: Vector3::new(nearest(0), nearest(1), nearest(2)).norm(),
+        reach_m: LEAST_REACH_M.max(REACH * (high - low).norm()),
+        depth_m: place_ned_m[2] - doubt_m[2] - high[2].max(0.0),
+    })
 }
 
 /// Corners of the space that was flown.
@@ -79,7 +65,7 @@ mod tests {
         let figures = |((value, error), c)| CoefficientFigures::new(c, value, error, &truth());
         finding.coefficients =
             values.into_iter().zip(Effect::Tether.info().coefficients).map(figures).collect();
-        Anchor::of(&finding, &flights.iter().collect::<Vec<_>>())
+        anchor_of(&finding, &flights.iter().collect::<Vec<_>>())
     }
 
     /// Flights of some two metres about (0, 0, -1).

@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::balance;
 use crate::change::Change;
 use crate::change_conclusion::sizes;
-use crate::changes::{Examined, examine};
+use crate::change_examined::{Examined, examine};
 use crate::evidence::{
     CoefficientEvidence, Criterion, FlightDrop, WhyError, coefficients, criteria, flights,
 };

@@ -12,8 +12,8 @@ use sysid::statistics::Blocks;
 use sysid::{FitError, Residuals, errors, has_rotation, residuals};
 
 use crate::change::Change;
+use crate::change_examined::examine;
 use crate::change_fit::fit_change;
-use crate::changes::examine;
 use crate::criteria::{AS_GOOD, MATTERS_PERCENT, RIVAL, SIGNIFICANCE};
 use crate::finding::EffectFinding;
 use crate::observer::Observer;

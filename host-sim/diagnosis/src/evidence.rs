@@ -414,6 +414,12 @@ mod tests {
             })
             .collect();
         finding.flights_improved[0] = rng.random_range(0..flights + 1);
+        finding.anchor = effect.info().special.is_anchored.then(|| crate::finding::Anchor {
+            place_ned_m: [0.0; 3],
+            distance_m: rng.random_range(0.0..8.0),
+            reach_m: 5.0,
+            depth_m: rng.random_range(-5.0..2.0),
+        });
         finding
     }
 

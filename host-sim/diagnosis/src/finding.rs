@@ -7,7 +7,6 @@ use model::{Axis, Coefficient, Effect, Model, NotIdentified, PerGroup};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::anchor::Anchor;
 use crate::figures::rms_fall_percent;
 use crate::reason::{Dependence, Reason};
 
@@ -53,6 +52,18 @@ impl CoefficientFigures {
         let possible = coefficient.possible_for(model.vehicle.arm_length);
         Self { name: coefficient.name, value, std_error, unit, possible }
     }
+}
+
+/// The place where a cable would end.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Anchor {
+    /// North, east, down, m.
+    pub(crate) place_ned_m: [f64; 3],
+    /// Its distance from the space that was flown, and how far a cable reaches, m.
+    pub(crate) distance_m: f64,
+    pub(crate) reach_m: f64,
+    /// How far it lies under the floor, m: that is at zero, or as low as was flown.
+    pub(crate) depth_m: f64,
 }
 
 /// A candidate's evidence.

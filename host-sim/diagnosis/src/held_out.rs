@@ -7,7 +7,7 @@ use sysid::prepare::Prepared;
 use sysid::statistics::Blocks;
 use sysid::{Fit, FitError, Residuals, errors, has_rotation, residuals};
 
-use crate::anchor::Anchor;
+use crate::anchor::anchor_of;
 use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::reason::Reason;
@@ -77,7 +77,7 @@ pub(crate) fn examine_along(
         .map(|(c, e)| CoefficientFigures::new(c, e.value, e.std_error.unwrap_or(0.0), &with.fit.model))
         .collect();
     finding.swings = swings(&with.fit.model, effect, &[train, validate].concat());
-    finding.anchor = Anchor::of(&finding, &[train, validate].concat());
+    finding.anchor = anchor_of(&finding, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
     take_gain(&mut finding, (axes, &with.fit.sigma), validate, (&without.held_out, &with.held_out));
     (finding.supported, finding.reason) = weigh(&Evidence::missing(&finding, &with.fit.model));

@@ -8,6 +8,7 @@ mod beginning;
 mod change;
 mod change_conclusion;
 mod change_evidence;
+mod change_examined;
 mod change_fit;
 mod change_rivals;
 mod change_scatter;

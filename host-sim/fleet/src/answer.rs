@@ -18,22 +18,11 @@ use crate::fit::{Asked, Estimate, Pooled, of_many};
 use crate::history::{Flown, Kind, Series, Tests, voltages};
 use crate::layout::{Craft, Fleet};
 use crate::pass::{Indexed, save};
-use crate::question::{Question, check, flights};
+use crate::question::{FlightOf, Question, check, flights};
 use crate::reference::Reference;
 use crate::row::{Row, State};
 use crate::scatter::mean;
 use crate::unknown::Unknown;
-use crate::when::When;
-
-/// A flight of a craft as the tables and pages need it.
-pub struct FlightOf<'a> {
-    /// What is kept of it.
-    pub row: &'a Row,
-    /// When it was flown.
-    pub when: When,
-    /// Its battery, where that is known.
-    pub battery: Option<String>,
-}
 
 /// A craft's flights and series, for tables and pages.
 pub struct CraftHistory<'a> {
@@ -113,7 +102,7 @@ pub fn ask<'a>(fleet: &Fleet, indexed: &'a Indexed, question: &Question) -> Resu
         read_now: indexed.read,
         gone: indexed.gone.clone(),
         unclaimed: fleet.unclaimed.clone(),
-        unmatched: fleet.unmatched(&indexed.index),
+        unmatched: fleet.unmatched(indexed.index.rows.iter().map(|row| row.file.clone())),
         craft_against_craft: against_each_other(&answers, &histories, &vehicles),
         battery_against_battery: of_batteries(&answers, &histories),
         crafts: answers,

@@ -8,8 +8,8 @@ use diagnosis::{CoefficientFigures, Options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::changes::Size;
 use crate::error::one_line;
-use crate::events::Size;
 use crate::layout::{Craft, Fleet, READING};
 use crate::reference::{is_good, sets_of};
 use crate::row::Row;

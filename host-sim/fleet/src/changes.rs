@@ -9,10 +9,25 @@
 use diagnosis::Change;
 use model::{Coefficient, Model};
 use nalgebra::{DMatrix, DVector};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use sysid::fit::least_squares::short_record;
 
 use crate::equations::{AxisEquations, Columns, Equations, place};
 use crate::fit::{Estimate, Pooled};
+
+/// How large a change is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Size {
+    /// Name.
+    pub name: String,
+    /// Value after less that before.
+    pub value: f64,
+    /// Standard error, scatter between flights included.
+    pub std_error: f64,
+    /// Unit.
+    pub unit: String,
+}
 
 /// A change that flights have columns for.
 #[derive(Debug, Clone, PartialEq)]

@@ -3,10 +3,10 @@
 use diagnosis::{AS_GOOD, rank_of_change};
 use model::Effect;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::cause::CauseInLogs;
-use crate::changes::{Base, Candidate, Shown};
+use crate::changes::{Base, Candidate, Shown, Size};
 use crate::fit::{Estimate, of_many};
 use crate::history::{Flown, Kind, Series, Tests};
 use crate::scatter::{Mean, between_variance, mean_under};
@@ -68,19 +68,6 @@ pub struct Explanation {
     pub as_good_as_the_best: bool,
     #[serde(skip)]
     gain: f64,
-}
-
-/// How large a change is.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Size {
-    /// Name.
-    pub name: String,
-    /// Value after less that before.
-    pub value: f64,
-    /// Standard error, scatter between flights included.
-    pub std_error: f64,
-    /// Unit.
-    pub unit: String,
 }
 
 /// The plainest statistic beside a change: each motor's share of the mean command.

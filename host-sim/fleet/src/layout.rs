@@ -10,7 +10,6 @@ use flights::ColumnMap;
 use model::{Model, Vehicle};
 
 use crate::error::FleetError;
-use crate::index::Index;
 use crate::settings::{SETTINGS, Settings};
 
 /// Name of a vehicle file.
@@ -79,11 +78,11 @@ impl Fleet {
         Ok(fleet)
     }
 
-    /// What the settings say of flights that are neither in the folder nor in the index, one sentence each.
-    pub(crate) fn unmatched(&self, index: &Index) -> Vec<String> {
+    /// What the settings say of flights that are neither in the folder nor among those that are kept, one sentence each.
+    pub(crate) fn unmatched(&self, kept: impl Iterator<Item = String>) -> Vec<String> {
         let in_folder = self.crafts.iter().flat_map(|craft| &craft.files).map(|path| self.relative(path));
         let mut files: Vec<String> = in_folder.collect();
-        files.extend(index.rows.iter().map(|row| row.file.clone()));
+        files.extend(kept);
         self.settings.unmatched(&files)
     }
 

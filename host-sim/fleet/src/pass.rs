@@ -19,13 +19,9 @@ use crate::index::{Index, KeptReference};
 use crate::layout::{Craft, Fleet, PARTS};
 use crate::reference::{Reference, context};
 use crate::row::{Row, State};
-use crate::sides;
 
 /// Files between one part and the next: what is read again at most after a kill.
 const BATCH: usize = 32;
-
-/// How often references are made anew at most: each time, what changed and when comes out a little otherwise.
-const ROUNDS: usize = 3;
 
 /// How a pass is made.
 #[derive(Debug, Clone, Copy, Default)]
@@ -63,51 +59,12 @@ struct Found<'a> {
 }
 
 /// Where the parts of a pass lie until it is done.
-fn parts_folder(index: &Path) -> PathBuf {
+pub(crate) fn parts_folder(index: &Path) -> PathBuf {
     index.with_extension(PARTS)
 }
 
-/// Brings the index of a fleet up to date.
-pub fn pass(
-    fleet: &Fleet,
-    path: &Path,
-    options: PassOptions,
-    observer: &dyn Observer,
-) -> Result<Indexed, FleetError> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder).map_err(|why| FleetError::write(folder, why))?;
-    let mut index = Index::read(path)?.unwrap_or_default();
-    let state = |index: &Index| (index.rows.len(), index.references.clone(), index.judged.clone());
-    let mut before = state(&index);
-    take_parts(&mut index, path)?;
-    let references = references(fleet, &mut index, path, options, observer)?;
-    let mut indexed = Indexed { index, references, read: 0, read_mb: 0.0, gone: Vec::new() };
-    let mut files = BTreeSet::new();
-    for round in 0..=ROUNDS {
-        let options = if round == 0 { options } else { PassOptions::default() };
-        let changed = update(fleet, &mut indexed, &mut files, path, (options, observer))?;
-        let settled = match round {
-            ROUNDS => Ok(false),
-            _ => sides::settle(fleet, &mut indexed, observer),
-        };
-        if changed || before != state(&indexed.index) || !path.exists() {
-            save(&indexed.index, &indexed.references, &BTreeMap::new(), path)?;
-            before = state(&indexed.index);
-        }
-        let parts = parts_folder(path);
-        if parts.exists() {
-            std::fs::remove_dir_all(&parts).map_err(|why| FleetError::write(&parts, why))?;
-        }
-        if !settled? {
-            break;
-        }
-    }
-    indexed.read = files.len();
-    Ok(indexed)
-}
-
 /// Reads what is new, with the references as they are. Whether any row is new.
-fn update(
+pub(crate) fn update(
     fleet: &Fleet,
     indexed: &mut Indexed,
     files: &mut BTreeSet<String>,
@@ -157,7 +114,7 @@ pub(crate) fn save(
 }
 
 /// Takes in what an earlier pass read before it was stopped.
-fn take_parts(index: &mut Index, path: &Path) -> Result<(), FleetError> {
+pub(crate) fn take_parts(index: &mut Index, path: &Path) -> Result<(), FleetError> {
     let Ok(entries) = std::fs::read_dir(parts_folder(path)) else { return Ok(()) };
     let mut parts: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
     parts.sort();
@@ -173,7 +130,7 @@ fn take_parts(index: &mut Index, path: &Path) -> Result<(), FleetError> {
 }
 
 /// The reference of each craft: the user's, that which is kept, or a new one.
-fn references(
+pub(crate) fn references(
     fleet: &Fleet,
     index: &mut Index,
     path: &Path,

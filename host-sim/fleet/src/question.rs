@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 
 use model::Effect;
 
-use crate::answer::FlightOf;
 use crate::document::Unused;
 use crate::equations::Columns;
 use crate::error::FleetError;
@@ -13,6 +12,16 @@ use crate::layout::Fleet;
 use crate::pass::Indexed;
 use crate::row::{Row, State};
 use crate::when::{self, When, day_and_time};
+
+/// A flight of a craft as the tables and pages need it.
+pub struct FlightOf<'a> {
+    /// What is kept of it.
+    pub row: &'a Row,
+    /// When it was flown.
+    pub when: When,
+    /// Its battery, where that is known.
+    pub battery: Option<String>,
+}
 
 /// What is asked.
 #[derive(Debug, Clone, Default)]

@@ -13,7 +13,7 @@ pub fn tables(answered: &Answered<'_>) -> Vec<(&'static str, Table)> {
 }
 
 fn flights(answered: &Answered<'_>) -> Table {
-    let all: Vec<(&str, &crate::answer::FlightOf<'_>)> = answered
+    let all: Vec<(&str, &crate::question::FlightOf<'_>)> = answered
         .histories
         .iter()
         .flat_map(|own| own.flights.iter().map(move |flight| (own.craft.as_str(), flight)))
@@ -27,7 +27,7 @@ fn flights(answered: &Answered<'_>) -> Table {
     table.push("date_from", Values::Text(all.iter().map(|(_, flight)| word(&flight.when.from)).collect()));
     table.push("unix_s", Values::Real(all.iter().map(|(_, flight)| flight.when.unix_s).collect()));
     let battery =
-        |(_, flight): &(&str, &crate::answer::FlightOf<'_>)| flight.battery.clone().unwrap_or_default();
+        |(_, flight): &(&str, &crate::question::FlightOf<'_>)| flight.battery.clone().unwrap_or_default();
     table.push("battery", Values::Text(all.iter().map(battery).collect()));
     table.push("airborne_s", real(&|row| row.airborne_s));
     table.push("period_s", real(&|row| row.period_s));
@@ -38,7 +38,7 @@ fn flights(answered: &Answered<'_>) -> Table {
         table.push(format!("share_of_motor_{}", motor + 1), real(&|row| row.motor_shares[motor]));
     }
     table.push("mean_command", real(&|row| row.mean_command));
-    let faults = |(_, flight): &(&str, &crate::answer::FlightOf<'_>)| {
+    let faults = |(_, flight): &(&str, &crate::question::FlightOf<'_>)| {
         flight.row.faults.iter().map(|fault| fault.kind.as_str()).collect::<Vec<_>>().join(" ")
     };
     table.push("faults", Values::Text(all.iter().map(faults).collect()));
