@@ -104,27 +104,30 @@ mod tests {
         assert_eq!(left, ["thrust.C_T", "linear-drag.C_du", "linear-drag.C_dv", "linear-drag.C_dw"]);
     }
 
-    /// A damping that drives, by ten of its errors; by three it is next to zero.
+    /// A drag that drives, by ten of its errors; by three it is next to zero.
     #[test]
-    fn a_damping_that_drives_leaves_the_rotation_unknown() {
-        let mut model = Model::thesis();
-        model.set(Effect::AngularDamping, &[-0.7, -0.65, -0.5]);
+    fn a_drag_that_drives_leaves_its_axis_unknown() {
+        let model = Model::thesis();
         let columns = Columns::about(&model);
-        let own = columns.parameters.iter().find(|p| p.effect == Effect::AngularDamping).unwrap();
+        let own = columns.parameters.iter().find(|p| p.effect == Effect::LinearDrag).unwrap();
         let driving = |value| Series {
             name: own.name(),
             kind: Shows::Coefficient,
-            unit: "1/s".into(),
+            unit: "N s/m".into(),
             is_share: false,
             at: vec![0, 1],
             values: vec![Estimate { value, std_error: 0.1 }; 2],
         };
         let told = |value| {
             let mut unknown = Unknown::default();
-            unknown.add_signs(&model, &columns, &[driving(value)]);
-            unknown.reasons.iter().map(|reason| reason.group).collect::<Vec<_>>()
+            let is_more = unknown.add_signs(&model, &columns, &[driving(value)]);
+            assert_eq!(is_more, !unknown.reasons.is_empty());
+            // What is known already is not said again.
+            assert!(!unknown.add_signs(&model, &columns, &[driving(value)]));
+            unknown.reasons.iter().map(|reason| reason.axis).collect::<Vec<_>>()
         };
-        assert_eq!(told(0.8), [Group::Rotation]);
+        assert_eq!(told(0.8), [Some(Axis::U)]);
         assert_eq!(told(0.2), []);
+        assert_eq!(told(-0.8), []);
     }
 }

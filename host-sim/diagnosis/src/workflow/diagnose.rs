@@ -61,7 +61,10 @@ pub(crate) fn search(
     }
     let found = search_in_one_wind(model, sets, options, observer)?;
     let is_explained = |diagnosis: &Diagnosis| diagnosis.verdicts.translation != Verdict::Unexplained;
-    let rival = Rival::of(&found);
+    let rival = Rival::of(&found).or_else(|| {
+        let is_hidden = is_explained(&found) && found.best().is_none();
+        is_hidden.then(|| Rival::nothing(&found, model, &sets.validate())).flatten()
+    });
     if sets.has_weather() || (is_explained(&found) && rival.is_none()) {
         return Ok(found);
     }
@@ -135,12 +138,25 @@ impl Rival {
         (!axes.is_empty()).then_some(Self { axes, left })
     }
 
+    /// Nothing was found, but something is left along horizontal axes: where they are not identified, winds would stay hidden.
+    fn nothing(diagnosis: &Diagnosis, model: &Model, flights: &[&Prepared]) -> Option<Self> {
+        let is_left = |axis: &Axis| diagnosis.unexplained.iter().any(|left| left.axis == *axis);
+        let axes: Vec<Axis> = [Axis::U, Axis::V].into_iter().filter(is_left).collect();
+        let left = squares_left(model, &axes, flights);
+        (!axes.is_empty()).then_some(Self { axes, left })
+    }
+
     /// Whether winds of the flights' own leave far less.
     fn leaves_more_than(&self, windy: &Model, flights: &[&Prepared]) -> bool {
-        let left: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, windy)).collect();
-        let errors = errors(&left);
-        self.axes.iter().map(|axis| errors[*axis].sse).sum::<f64>() < LEFT_BY_OWN_WINDS * self.left
+        squares_left(windy, &self.axes, flights) < LEFT_BY_OWN_WINDS * self.left
     }
+}
+
+/// Sum of squares along some axes that a model leaves of flights.
+fn squares_left(model: &Model, axes: &[Axis], flights: &[&Prepared]) -> f64 {
+    let left: Vec<Residuals> = flights.iter().map(|flight| residuals(flight, model)).collect();
+    let errors = errors(&left);
+    axes.iter().map(|axis| errors[*axis].sse).sum()
 }
 
 fn search_in_one_wind(

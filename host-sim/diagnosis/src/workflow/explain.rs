@@ -165,18 +165,27 @@ fn go_through(
     rotation: Rotation<'_>,
     observer: &dyn Observer,
 ) -> Result<Explanation, WorkflowError> {
-    let mut basic = fit_basic(vehicle, sets, rotation, observer)?.model;
-    let diagnosis = search(&basic, sets, options, observer)?;
-    let (basic, basic_comparison) = sets.concealed(|sets| {
-        if sets.has_weather() {
-            basic = fit_basic(vehicle, sets, rotation, observer)?.model;
-        }
-        tell_scatter(&mut basic, sets);
-        let comparison = sysid::compare(&basic, &sets.validate());
-        Ok((basic, comparison))
-    })?;
+    let fitted = fit_basic(vehicle, sets, rotation, observer)?.model;
+    let diagnosis = search(&fitted, sets, options, observer)?;
+    let basic_of = |fitted: Model, sets: &mut FlightSets| {
+        sets.concealed(|sets| {
+            let again =
+                sets.has_weather().then(|| fit_basic(vehicle, sets, rotation, observer)).transpose()?;
+            let mut basic = again.map_or(fitted, |identified| identified.model);
+            tell_scatter(&mut basic, sets);
+            let comparison = sysid::compare(&basic, &sets.validate());
+            Ok((basic, comparison))
+        })
+    };
+    let had_weather = sets.has_weather();
+    let (first, first_comparison) = basic_of(fitted, sets)?;
     let Added { steps, taken_out, last_diagnosis } =
-        add_what_is_found(&basic, diagnosis, sets, options, observer)?;
+        add_what_is_found(&first, diagnosis, sets, options, observer)?;
+    let (basic, basic_comparison) = match sets.has_weather() && !had_weather {
+        // What winds explain that were found later is no merit of the effects before.
+        true => basic_of(first, sets)?,
+        false => (first, first_comparison),
+    };
     let model = steps.last().map_or(&basic, |step| &step.model).clone();
     Ok(Explanation { basic, basic_comparison, steps, taken_out, last_diagnosis, model, refinement: None })
 }
@@ -199,7 +208,9 @@ pub(crate) fn add_what_is_found(
     options: &Options,
     observer: &dyn Observer,
 ) -> Result<Added, WorkflowError> {
-    let mut adding = Adding { basic, steps: Vec::new(), diagnosis: first, sets, options, observer };
+    let in_weather = sets.has_weather();
+    let mut adding =
+        Adding { basic, steps: Vec::new(), in_weather, diagnosis: first, sets, options, observer };
     let mut taken_out: Vec<TakenOut> = Vec::new();
     while let Some(effect) = adding.diagnosis.best() {
         if let Some(TakenOut { by, .. }) = taken_out.iter().find(|taken| taken.effect == effect) {
@@ -219,6 +230,8 @@ pub(crate) fn add_what_is_found(
 struct Adding<'a> {
     basic: &'a Model,
     steps: Vec<Step>,
+    /// The steps are compared in winds of the flights' own.
+    in_weather: bool,
     /// What is found in the model so far.
     diagnosis: Diagnosis,
     sets: &'a mut FlightSets,
@@ -243,6 +256,7 @@ impl Adding<'_> {
                     return Ok(());
                 }
                 self.sets.judge_clocks(&better, effect);
+                self.compare_in_weather()?;
                 let diagnosis = std::mem::replace(&mut self.diagnosis, next);
                 self.steps.push(Step { diagnosis, effect, addition, model: better, comparison });
             }
@@ -252,6 +266,22 @@ impl Adding<'_> {
                 self.refuse(effect, &Reason::NotFittedTogether(why));
             }
             Err(why) => return Err(why),
+        }
+        Ok(())
+    }
+
+    /// What winds explain that have just been found is no merit of the steps before.
+    fn compare_in_weather(&mut self) -> Result<(), WorkflowError> {
+        if self.in_weather || !self.sets.has_weather() {
+            return Ok(());
+        }
+        self.in_weather = true;
+        for step in &mut self.steps {
+            (step.model, step.comparison) = self.sets.concealed(|sets| {
+                let model = fit_again(&step.model, sets)?;
+                let comparison = sysid::compare(&model, &sets.validate());
+                Ok((model, comparison))
+            })?;
         }
         Ok(())
     }
@@ -319,8 +349,7 @@ fn join_and_search(
     let next = search(&better, sets, options, observer)?;
     let (model, comparison) = sets.concealed(|sets| {
         if sets.has_weather() && !had_weather {
-            let again = sysid::fit(&sets.train(), &better.vehicle, &better.effects(), Some(&better));
-            better = fitted_again(&better, again.map_err(|why| sets.blame(why))?.model, sets);
+            better = fit_again(&better, sets)?;
         }
         let comparison = sysid::compare(&better, &sets.validate());
         Ok((better, comparison))
@@ -328,10 +357,12 @@ fn join_and_search(
     Ok((Joined { model, addition, comparison }, next))
 }
 
-/// A model as it was fitted again, in other winds.
-fn fitted_again(model: &Model, again: Model, sets: &FlightSets) -> Model {
+/// A model fitted again, in other winds.
+fn fit_again(model: &Model, sets: &FlightSets) -> Result<Model, WorkflowError> {
+    let again = sysid::fit(&sets.train(), &model.vehicle, &model.effects(), Some(model));
+    let again = again.map_err(|why| sets.blame(why))?.model;
     let fit = Some(sets.record_after(model, &again));
-    Model { fit, history: model.history.clone(), ..again }
+    Ok(Model { fit, history: model.history.clone(), ..again })
 }
 
 #[cfg(test)]

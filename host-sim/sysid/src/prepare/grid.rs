@@ -15,6 +15,10 @@ const BRIDGED_BATTERY_SAMPLES: usize = 200;
 
 /// Steps that differ from the period by more than this part are jitter to be interpolated away.
 const JITTER: f64 = 0.02;
+/// Standard errors by which the lateness of rows may be more than their steps show.
+const CERTAIN: f64 = 2.0;
+/// Where rows are off an even grid by much more than each is late by itself, their times walk: the loop runs unevenly.
+const SHARE_OF_A_WALK: f64 = 0.5;
 
 /// Bridges runs of up to [`BRIDGED_SAMPLES`] missing values: along cubic arcs, as a straight line
 /// under a turn would be low by more than the noise; the battery and commands, which are held, by a
@@ -115,7 +119,9 @@ pub(crate) fn even_grid(
         };
     }
     notes.push(format!("{uneven} uneven sampling steps interpolated to {:.1} Hz", 1.0 / period_s));
-    let (start, jitter_s) = grid_start(times, period_s);
+    let (start, deviation_s) = grid_start(times, period_s);
+    let jitter_s = deviation_s.min(lateness_s(times, period_s));
+    let walks = jitter_s < SHARE_OF_A_WALK * deviation_s;
     let count = ((times[times.len() - 1] - start) / period_s).floor() as usize + 1;
     let grid: Vec<f64> = (0..count).map(|k| start + k as f64 * period_s).collect();
     // The sample before each moment of the grid.
@@ -138,7 +144,9 @@ pub(crate) fn even_grid(
         let values = &column[range.clone()];
         let held = (COMMAND..BATTERY).contains(&index);
         let at_time = |(&time, &at): (&f64, &usize)| {
-            if held {
+            if held && walks {
+                mean_held(times, values, at, time..time + period_s)
+            } else if held {
                 // A row that is a little late tells of a command that has already been there.
                 values[at + usize::from(times[at + 1] - time < 0.5 * period_s)]
             } else {
@@ -163,6 +171,38 @@ fn grid_start(times: &[f64], period_s: f64) -> (f64, f64) {
     let variance = times.iter().map(|t| (off(t) - mean).powi(2)).sum::<f64>() / count;
     let start = times[0] + period_s * mean;
     (if start < times[0] { start + period_s } else { start }, period_s * variance.sqrt())
+}
+
+/// Standard deviation, s, of how late single rows are against an even process behind them, at most.
+///
+/// A row that is late by itself makes the step before it longer and the one after it shorter: the covariance of steps side by side is
+/// less the variance of that lateness. Steps that are uneven each by itself are a loop that runs so: its rows are where they say.
+fn lateness_s(times: &[f64], period_s: f64) -> f64 {
+    let off = |w: &[f64]| {
+        let step = w[1] - w[0];
+        step - period_s * (step / period_s).round()
+    };
+    let steps: Vec<f64> = times.windows(2).map(off).collect();
+    let count = steps.len() as f64;
+    let mean = steps.iter().sum::<f64>() / count;
+    let variance = steps.iter().map(|step| (step - mean).powi(2)).sum::<f64>() / count;
+    let covariance = steps.windows(2).map(|w| (w[0] - mean) * (w[1] - mean)).sum::<f64>() / count;
+    (CERTAIN * variance / count.sqrt() - covariance).max(0.0).sqrt()
+}
+
+/// The mean of a held command over a time that begins behind row `at`.
+fn mean_held(times: &[f64], values: &[f64], at: usize, time: Range<f64>) -> f64 {
+    let (mut from, mut sum) = (time.start, 0.0);
+    let rows = values.iter().zip(times.iter().skip(1).chain([&f64::INFINITY]));
+    for (value, next) in rows.skip(at) {
+        let until = next.min(time.end).max(from);
+        sum += value * (until - from);
+        from = until;
+        if from >= time.end {
+            break;
+        }
+    }
+    sum / (time.end - time.start)
 }
 
 #[cfg(test)]
@@ -205,5 +245,48 @@ mod tests {
         }
         assert_eq!(bridge(&t, &mut columns, 0.01), 0);
         assert_eq!(columns[RATE].iter().filter(|v| v.is_nan()).count(), 5);
+    }
+
+    /// Even numbers between -1 and 1, in no order: the multiples of the golden ratio's fraction, hashed.
+    fn scattered(k: u32) -> f64 {
+        let mixed =
+            (k.wrapping_mul(0x9E37_79B9) ^ (k.wrapping_mul(0x85EB_CA6B) >> 13)).wrapping_mul(0xC2B2_AE35);
+        f64::from(mixed) / f64::from(u32::MAX) * 2.0 - 1.0
+    }
+
+    /// Rows that are late by up to 2 ms, each by itself: 2 / sqrt(12) ms. Steps of 9 to 11 ms whose rows are where they say: no lateness,
+    /// though in the end they are anywhere against an even grid (10 / sqrt(12) ms).
+    #[test]
+    fn a_loop_that_runs_unevenly_is_not_late() {
+        let late: Vec<f64> = (0..4000).map(|k| 0.01 * f64::from(k) + 0.001 * (1.0 + scattered(k))).collect();
+        let mut time = 0.0;
+        let walks: Vec<f64> = (0..4000)
+            .map(|k| {
+                time += 0.01 + 0.001 * scattered(k);
+                time
+            })
+            .collect();
+        let expected_s = 0.002 / 12_f64.sqrt();
+        let (found_s, deviation_s) = (lateness_s(&late, 0.01), grid_start(&late, 0.01).1);
+        assert!((deviation_s / expected_s - 1.0).abs() < 0.05, "{deviation_s}");
+        assert!((0.95..1.1).contains(&(found_s / expected_s)), "{found_s}");
+        let (found_s, deviation_s) = (lateness_s(&walks, 0.01), grid_start(&walks, 0.01).1);
+        assert!(found_s < 2e-4 && deviation_s > 2e-3, "{found_s} {deviation_s}");
+    }
+
+    /// A command that is held from row to row of a loop that runs unevenly: each step of the grid has its mean, sums done by hand.
+    #[test]
+    fn a_held_command_counts_for_its_time() {
+        let (times, values) = ([0.0, 0.009, 0.020, 0.029], [1.0, 2.0, 5.0, 7.0]);
+        let mean = |at, from: f64| mean_held(&times, &values, at, from..from + 0.01);
+        for (at, from, want) in [
+            (0, 0.0, 0.9 * 1.0 + 0.1 * 2.0),
+            (1, 0.010, 2.0),
+            (1, 0.015, 0.5 * 2.0 + 0.5 * 5.0),
+            (2, 0.020, 0.9 * 5.0 + 0.1 * 7.0),
+            (3, 0.030, 7.0),
+        ] {
+            assert!((mean(at, from) - want).abs() < 1e-9, "{from}: {}", mean(at, from));
+        }
     }
 }
