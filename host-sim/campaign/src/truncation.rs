@@ -9,6 +9,7 @@ use crate::normal::Normal;
 
 /// Share of a normal distribution beyond what can be simulated from which on it is said, percent.
 const SAID_PERCENT: f64 = 0.01;
+
 /// A normal distribution that reaches beyond what can be simulated. Values there are drawn again.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct Truncation {

@@ -14,7 +14,7 @@ use crate::flight::Flight;
 use crate::foreign::foreign;
 use crate::header::{Header, TOO_MANY, names_in, read_header, shortened};
 use crate::names::{bare, is_other_name, unit_of_further};
-use model::user_effects;
+use model::{frames, user_effects};
 
 /// Bytes read at once.
 const BLOCK_BYTES: usize = 256 * 1024;
@@ -142,13 +142,12 @@ impl Flight {
 
 /// Brings angles to which something was added back to -pi to pi.
 fn wrap_turned_angles(flight: &mut Flight, header: &Header) {
-    use std::f64::consts::{PI, TAU};
     for column in [Column::Phi, Column::Psi] {
         let is_it = |(own, scale): &(&String, &[f64; 2])| *own == COLUMNS[column as usize] && scale[1] != 0.0;
         if let (true, Some(values)) =
             (header.known.iter().zip(&header.scales).any(|c| is_it(&c)), &mut flight.columns[column as usize])
         {
-            values.iter_mut().for_each(|angle| *angle = (*angle + PI).rem_euclid(TAU) - PI);
+            values.iter_mut().for_each(|angle| *angle = frames::within_half_turn(*angle));
         }
     }
 }

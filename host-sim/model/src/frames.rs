@@ -2,6 +2,8 @@
 //!
 //! Quaternions are (w, x, y, z), unit length, and turn body components into inertial ones.
 
+use std::f64::consts::{PI, TAU};
+
 use nalgebra::{Matrix3, Vector3, Vector4};
 
 /// Direction cosine matrix of (2.2), inertial to body components, from phi, theta, psi in rad.
@@ -113,9 +115,23 @@ pub fn geodesic_angle_rad(a: &Vector4<f64>, b: &Vector4<f64>) -> f64 {
     2.0 * a.dot(b).abs().min(1.0).acos()
 }
 
+/// The same angle from -pi to pi, rad.
+pub fn within_half_turn(angle_rad: f64) -> f64 {
+    (angle_rad + PI).rem_euclid(TAU) - PI
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_angle_within_half_a_turn_is_the_same_angle() {
+        for (angle_rad, want_rad) in
+            [(0.3, 0.3), (-0.3, -0.3), (4.0, 4.0 - TAU), (-7.0, TAU - 7.0), (20.0, 20.0 - 3.0 * TAU)]
+        {
+            assert!((within_half_turn(angle_rad) - want_rad).abs() < 1e-12, "{angle_rad}");
+        }
+    }
 
     const ATTITUDES: [[f64; 3]; 4] = [[0.1, -0.2, 0.3], [-1.2, 0.9, 2.8], [0.0, 0.0, 1.6], [2.9, -1.4, -3.0]];
 

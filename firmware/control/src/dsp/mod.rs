@@ -3,4 +3,5 @@
 pub mod canceller;
 pub mod filter;
 pub mod prefilter;
+pub(crate) mod recent;
 pub mod trig;

@@ -8,6 +8,7 @@
 //! On a good link poses count as they came: what the craft tells of its attitude is then motion
 //! capture's alone, and a model can be fitted to it and to the gyro as to two witnesses.
 
+use crate::dsp::recent::Recent;
 use crate::dsp::trig::{sin_cos, wrap_angle};
 
 /// So many samples are kept: at 100 Hz those of the 0.15 s that a pose may be old by default, and one.
@@ -29,9 +30,7 @@ struct Sample {
 /// The gyro in the last ticks, and whether poses are late.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Turns {
-    samples: [Sample; KEPT],
-    /// How many there have been: modulo [`KEPT`], where the next one goes, over the oldest.
-    next: usize,
+    samples: Recent<Sample, KEPT>,
     /// Poses are brought to now for so long still, us.
     late_for_us: u32,
 }
@@ -39,15 +38,12 @@ pub(crate) struct Turns {
 impl Turns {
     /// A craft that has never turned, over a good link.
     pub(crate) const NONE: Self =
-        Self { samples: [Sample { gyro_rad_s: None, elapsed_us: 0 }; KEPT], next: 0, late_for_us: 0 };
+        Self { samples: Recent::of([Sample { gyro_rad_s: None, elapsed_us: 0 }; KEPT]), late_for_us: 0 };
 
     /// Takes in the sample of this tick.
     #[inline]
     pub(crate) fn hear(&mut self, gyro_rad_s: Option<[f32; 3]>, elapsed_us: u32) {
-        if let Some(oldest) = self.samples.get_mut(self.next % KEPT) {
-            *oldest = Sample { gyro_rad_s, elapsed_us };
-        }
-        self.next = self.next.wrapping_add(1);
+        self.samples.push(Sample { gyro_rad_s, elapsed_us });
         self.late_for_us = self.late_for_us.saturating_sub(elapsed_us);
     }
 
@@ -72,10 +68,9 @@ impl Turns {
 
     /// Mean rates over the last so many us.
     fn mean_rad_s(&self, age_us: u32) -> [f32; 3] {
-        let (newer, older) = self.samples.split_at(self.next % KEPT);
         let mut left_us = age_us;
         let mut mean_rad_s = [0.0; 3];
-        for sample in newer.iter().rev().chain(older.iter().rev()) {
+        for sample in self.samples.newest_first() {
             let us = left_us.min(sample.elapsed_us);
             left_us -= us;
             let part = us as f32 / age_us as f32;

@@ -10,6 +10,7 @@
 //! motions are the motors' own, and slower ones do not mind the delay. A third state holds the
 //! acceleration that nobody commanded: a load, or motors that have become weaker.
 
+use crate::dsp::recent::Recent;
 use crate::law::carried::KEPT;
 
 /// Natural frequency of the correction, rad/s. With 3 rad/s a craft that is 15 % lighter than its
@@ -44,9 +45,7 @@ pub(crate) struct Height {
     rate_m_s: f32,
     /// Acceleration that was not commanded, m/s^2.
     besides_m_s2: f32,
-    past: [Past; KEPT],
-    /// How many there have been: modulo [`KEPT`], where the next one goes, over the oldest.
-    next: usize,
+    past: Recent<Past, KEPT>,
     /// Time since the last correction, us.
     uncorrected_us: u32,
 }
@@ -71,7 +70,7 @@ impl Height {
             before_m -= rate_m_s * (step_us as f32 * 1e-6);
             one.z_m = before_m;
         }
-        Self { z_m: now_m, rate_m_s, besides_m_s2: 0.0, past, next: 0, uncorrected_us: 0 }
+        Self { z_m: now_m, rate_m_s, besides_m_s2: 0.0, past: Recent::of(past), uncorrected_us: 0 }
     }
 
     /// Inertial z of now, m.
@@ -83,10 +82,7 @@ impl Height {
     /// One tick on, at the acceleration along z in m/s^2 that was commanded in the last.
     #[cold]
     pub(crate) fn go_on(&mut self, commanded_m_s2: f32, elapsed_us: u32) {
-        if let Some(oldest) = self.past.get_mut(self.next % KEPT) {
-            *oldest = Past { z_m: self.z_m, elapsed_us };
-        }
-        self.next = self.next.wrapping_add(1);
+        self.past.push(Past { z_m: self.z_m, elapsed_us });
         self.uncorrected_us = self.uncorrected_us.saturating_add(elapsed_us);
         let dt = seconds(elapsed_us);
         let acceleration_m_s2 = possible(commanded_m_s2) + self.besides_m_s2;
@@ -107,9 +103,8 @@ impl Height {
 
     /// The z that was held so many us ago, m; the oldest there is where that is longer ago.
     fn before_m(&self, age_us: u32) -> f32 {
-        let (newer, older) = self.past.split_at(self.next % KEPT);
         let (mut left_us, mut later_m) = (age_us, self.z_m);
-        for past in newer.iter().rev().chain(older.iter().rev()) {
+        for past in self.past.newest_first() {
             if left_us < past.elapsed_us {
                 return later_m + left_us as f32 / past.elapsed_us as f32 * (past.z_m - later_m);
             }

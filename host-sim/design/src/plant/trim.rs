@@ -6,7 +6,6 @@
 //! cannot hover has no small one.
 
 use std::cell::Cell;
-use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 use argmin::core::{CostFunction, Executor, Gradient, State as _};
@@ -269,7 +268,7 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
     let search = Search::new(dynamics, *target, hover_rad2_s2);
     let (mut best, mut cost, iterations) = least_cost(&search)?;
     // The search may go round: of equal angles, those within half a turn.
-    best[..2].iter_mut().for_each(|angle| *angle = (*angle + PI).rem_euclid(TAU) - PI);
+    best[..2].iter_mut().for_each(|angle| *angle = frames::within_half_turn(*angle));
     if !cost.is_finite() {
         cost = search.cost(&best).unwrap_or(f64::INFINITY);
     }
