@@ -51,6 +51,9 @@ const AFTER_STAND_INS_PERCENT: f64 = 75.0;
 /// have two numbers for each flight, and follow small differences of trim as well. In calm air they leave three quarters
 /// of what a tilted attitude leaves, or more; before a fan wall, a tenth of what a cable leaves that was found in its place.
 pub(crate) const LEFT_BY_OWN_WINDS: f64 = 0.5;
+/// The same where nothing was found, of what the model leaves: winds of a few tenths of a metre a second, which trims differ by in calm air,
+/// may leave less than half of it; before a fan wall they leave a hundredth.
+pub(crate) const LEFT_BY_OWN_WINDS_ALONE: f64 = 0.1;
 
 /// An effect answers for what is left of an axis of which it takes away this part of its largest drop: half, so that one of two
 /// axes that it moves alike does not excuse the other, and one on which it hardly acts does not speak against it.

@@ -283,6 +283,12 @@ pub(crate) fn are_positive([a, b, c, d]: [f32; 4]) -> bool {
     a.to_bits() | b.to_bits() | c.to_bits() | d.to_bits() < f32::INFINITY.to_bits()
 }
 
+/// Are all four finite? (A sum is not if one of its parts is not.)
+#[inline]
+pub(crate) fn are_finite([a, b, c, d]: [f32; 4]) -> bool {
+    ((a + b) + (c + d)).is_finite()
+}
+
 #[cold]
 fn speeds_of_those_that_turn(squared: [f32; 4]) -> [f32; 4] {
     squared.map(|w2| if w2 > 0.0 { sqrt(w2) } else { 0.0 })

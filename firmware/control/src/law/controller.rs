@@ -30,7 +30,7 @@
 //! limit of the thrust.
 
 use crate::allocation::desaturation::Desaturated;
-use crate::allocation::mixer::{Directions, Mixer, Refused, are_positive, rotor_speeds};
+use crate::allocation::mixer::{Directions, Mixer, Refused, are_finite, are_positive, rotor_speeds};
 use crate::allocation::motor_map::{CommandRange, MotorMap};
 use crate::config::error::ConfigError;
 use crate::config::gains::{Config, Law, Saturation};
@@ -208,15 +208,12 @@ impl Controller {
         }
     }
 
-    /// The thrust of a tick's motor commands at the voltage that it was made for, N (or command units): less or more than was
-    /// commanded where a motor is at an end. The rotors' lag is not in it.
+    /// The thrust of a tick's motor commands at its voltage, N (or command units): not what was asked for where a motor is at an end.
+    /// The rotors' lag is not in it.
     #[cold]
-    pub(crate) fn given_thrust(&self, tick: &Tick) -> f32 {
-        let Laws { mixer, motor_map, .. } = &self.laws;
-        mixer.thrust(match motor_map {
-            Some(map) => tick.pwm.map(|command| map.squared_speed(command, tick.terms.battery_v)),
-            None => tick.pwm,
-        })
+    pub(crate) fn given_thrust(&self, Tick { pwm, terms, .. }: &Tick) -> f32 {
+        let squared = |map: &MotorMap| pwm.map(|command| map.squared_speed(command, terms.battery_v));
+        self.laws.mixer.thrust(self.laws.motor_map.as_ref().map_or(*pwm, squared))
     }
 
     /// The next attitude and the next z are off by so much, rad and m, by no motion: the rates go on
@@ -422,12 +419,6 @@ fn allocate(laws: &Laws, memory: &mut Memory, terms: &Terms) -> Motors {
         }
     }
     motors
-}
-
-/// Are all four finite? (A sum is not if one of its parts is not.)
-#[inline]
-fn are_finite([a, b, c, d]: [f32; 4]) -> bool {
-    ((a + b) + (c + d)).is_finite()
 }
 
 /// Rotor speeds in rad/s where the law knows any, and motor commands, injection included, on either

@@ -5,7 +5,7 @@ use report::number::fixed;
 use sysid::{FaultKind, Prepared, Residuals, errors, residuals};
 
 use crate::conclusion::conclude;
-use crate::criteria::LEFT_BY_OWN_WINDS;
+use crate::criteria::{LEFT_BY_OWN_WINDS, LEFT_BY_OWN_WINDS_ALONE};
 use crate::finding::{EffectFinding, supported};
 use crate::not_logged::not_told;
 use crate::observer::Observer;
@@ -124,8 +124,8 @@ fn search_in_own_winds(
 struct Rival {
     /// The axes along which the best effect acts, of u and v.
     axes: Vec<Axis>,
-    /// Held-out sum of squares along them that all that was found leaves.
-    left: f64,
+    /// Most that winds may leave of the held-out sum of squares along them, in the same unit.
+    most: f64,
 }
 
 impl Rival {
@@ -134,8 +134,8 @@ impl Rival {
         let finding = diagnosis.effects.iter().find(|finding| finding.effect == best)?;
         let along = |axis: &Axis| finding.axes.get(axis.name());
         let axes: Vec<Axis> = [Axis::U, Axis::V].into_iter().filter(|axis| along(axis).is_some()).collect();
-        let left = axes.iter().filter_map(along).map(|drop| drop.sse_after).sum();
-        (!axes.is_empty()).then_some(Self { axes, left })
+        let left: f64 = axes.iter().filter_map(along).map(|drop| drop.sse_after).sum();
+        (!axes.is_empty()).then_some(Self { axes, most: LEFT_BY_OWN_WINDS * left })
     }
 
     /// Nothing was found, but something is left along horizontal axes: where they are not identified, winds would stay hidden.
@@ -143,12 +143,12 @@ impl Rival {
         let is_left = |axis: &Axis| diagnosis.unexplained.iter().any(|left| left.axis == *axis);
         let axes: Vec<Axis> = [Axis::U, Axis::V].into_iter().filter(is_left).collect();
         let left = squares_left(model, &axes, flights);
-        (!axes.is_empty()).then_some(Self { axes, left })
+        (!axes.is_empty()).then_some(Self { axes, most: LEFT_BY_OWN_WINDS_ALONE * left })
     }
 
     /// Whether winds of the flights' own leave far less.
     fn leaves_more_than(&self, windy: &Model, flights: &[&Prepared]) -> bool {
-        squares_left(windy, &self.axes, flights) < LEFT_BY_OWN_WINDS * self.left
+        squares_left(windy, &self.axes, flights) < self.most
     }
 }
 
