@@ -48,7 +48,7 @@ pub fn why(
 
 /// Diagnoses on flights whose clocks and trim are set. Where forces stay unexplained, each flight gets its own wind, if that
 /// explains them, and else one that wanders. Its own wind it gets as well where that leaves far less of the horizontal forces than the
-/// effect that was found ([`LEFT_BY_OWN_WINDS`]).
+/// effect that was found ([`LEFT_BY_OWN_WINDS`]), or than the model where nothing was found ([`LEFT_BY_OWN_WINDS_ALONE`]).
 pub(crate) fn search(
     model: &Model,
     sets: &mut FlightSets,

@@ -9,11 +9,6 @@
 //! acceleration follows them is where their correlation is largest, for roll and for pitch by itself. Slow parts, in which
 //! airflow and controller hide the motors, are taken out.
 //!
-//! **The motors or the controller?** In a flight with little excitation, disturbances turn the craft and the controller answers them: there
-//! the acceleration comes first, 20 to 60 ms before the commands, and its lead scatters with the disturbances. No motion comes before
-//! its cause, so a flight of which nearly all lags are such says nothing of a clock. (Commands that are stamped late may make some of
-//! them so: the others of a clock that wanders are not.)
-//!
 //! **A clock or the motors?** A lag of the motors is the same in all pieces: in simulated flights of noise up to twice the
 //! usual the lags of a flight scatter by a few milliseconds, with an effect that hides the motors by up to 8 ms, in logs of a radio
 //! link by 7 to 30 ms. A scatter of more than
@@ -34,10 +29,6 @@ pub const PIECE_S: f64 = 4.0;
 const LAGS_S: (f64, f64) = (-0.10, 0.20);
 /// Parts slower than this are taken out, s.
 const SLOW_S: f64 = 1.2;
-/// Motion may come before its command by this, s: half a sample of a log of 100 Hz.
-const EARLY_S: f64 = 0.005;
-/// Part of a flight's lags from which on, where motion comes first, it is the controller that answers the motion.
-const ANSWERED: f64 = 0.9;
 /// Correlation from which on a piece shows its lag.
 const CLEAR: f64 = 0.6;
 /// Fewest lags of a flight, roll and pitch counted apart, that say something about wandering.
@@ -62,7 +53,7 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<Vec<PieceLag>> {
         return None;
     }
     let pieces = pieces(flight, vehicle);
-    (scatter_s(&pieces)? > MATTERS_S && !is_answered(&pieces)).then_some(pieces)
+    (scatter_s(&pieces)? > MATTERS_S).then_some(pieces)
 }
 
 /// For people.
@@ -138,13 +129,6 @@ fn pieces(flight: &Prepared, vehicle: &Vehicle) -> Vec<PieceLag> {
         }
     }
     pieces
-}
-
-/// Whether it is the controller that answers the motion, not the motors that make it.
-fn is_answered(pieces: &[PieceLag]) -> bool {
-    let lags = || pieces.iter().flat_map(|piece| piece.late_s).flatten();
-    let first = lags().filter(|late_s| *late_s < -EARLY_S).count();
-    first as f64 >= ANSWERED * lags().count() as f64
 }
 
 /// The signal less its mean over [`SLOW_S`] about each sample.
@@ -256,21 +240,6 @@ mod tests {
         // Beyond what is looked at there is no peak.
         let late: Vec<f64> = (0..600).map(|k| at(f64::from(k) - 24.0)).collect();
         assert_eq!(lag_samples(&late, &early, 100..500, (-10, 20)), None);
-    }
-
-    #[test]
-    fn where_nearly_all_motion_comes_before_its_command_it_is_answered() {
-        let of = |lags_s: &[f64]| lags_s.iter().map(|lag| piece(0.0, Some(*lag), None)).collect::<Vec<_>>();
-        let with = |tenth_s: f64| [vec![-0.05, -0.03, -0.006].repeat(3), vec![tenth_s]].concat();
-        assert!(is_answered(&of(&with(0.02))) && is_answered(&of(&with(-0.02))));
-        assert!(!is_answered(&of(&[with(0.02), vec![-0.004]].concat())));
-        assert!(!is_answered(&of(&[-0.03, -0.01, 0.02, 0.05])), "a clock that wanders");
-        let both = [
-            piece(0.0, Some(-0.02), Some(0.03)),
-            piece(1.0, None, Some(-0.04)),
-            piece(2.0, Some(-0.02), None),
-        ];
-        assert!(is_answered(&both));
     }
 
     #[test]
