@@ -288,6 +288,36 @@ mod tests {
         assert!(off(&whereabouts, 101)[0].abs() < 1e-4);
     }
 
+    /// A pose that follows another ends no silence, whatever is still said of one.
+    #[test]
+    fn a_pose_after_a_pose_is_no_leap() {
+        let mut whereabouts = Whereabouts::UNKNOWN;
+        for k in 0..60_u16 {
+            tick(&mut whereabouts, k, Some(80_000), &since(false, HOVERS));
+        }
+        assert_eq!(tick(&mut whereabouts, 60, Some(80_000), &since(true, HOVERS)), None);
+        assert!(off(&whereabouts, 60)[0].abs() < 1e-4);
+    }
+
+    /// Without forces the height counts as it comes, and the attitude leaps all the same where poses become late, and where they no longer are.
+    #[test]
+    fn an_attitude_leaps_without_a_height() {
+        let mut whereabouts = Whereabouts::UNKNOWN;
+        for k in 0..200_u16 {
+            let age_us = if (50..100).contains(&k) { 80_000 } else { 15_000 };
+            let leap = tick(&mut whereabouts, k, Some(age_us), &since(false, None));
+            // The last late one is at 99; 0.5 s after it poses count as they come.
+            assert_eq!(leap.is_some(), [50, 149].contains(&k), "{k}: {leap:?}");
+            if let Some(Leap { turned_rad, down_m }) = leap {
+                let way = if k == 50 { 1.0 } else { -1.0 };
+                assert!(
+                    (turned_rad[2] - 0.0045 * way).abs() < 1e-4 && down_m == 0.0,
+                    "{k}: {turned_rad:?} {down_m}"
+                );
+            }
+        }
+    }
+
     /// Where the first pose after a silence is the first that is late, nothing tells how fast the craft is.
     #[test]
     fn a_late_pose_after_a_silence_counts_as_it_comes_where_none_was_late_before() {

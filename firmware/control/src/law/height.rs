@@ -205,6 +205,44 @@ mod tests {
         near(&height, u32::MAX, 0.065);
     }
 
+    /// Poses may be allowed to be older than the ticks that are kept: what was before the first late one reaches as far back.
+    #[test]
+    fn the_time_before_the_first_late_pose_reaches_back_to_it() {
+        for age_us in [10_000, 145_000, 170_000, 400_000, 2_000_000] {
+            let height = Height::start(-1.0, age_us, 0.7);
+            assert!((height.before_m(age_us) + 1.0).abs() < 1e-5, "{age_us}: {}", height.before_m(age_us));
+        }
+    }
+
+    /// After a silence the height is the pose's, and the rate and what nobody commanded as they were.
+    #[test]
+    fn a_pose_after_a_silence_keeps_the_motion() {
+        let height = Height { besides_m_s2: 0.7, ..Height::start(0.0, 0, -0.4) };
+        let again = height.seen_again(-2.0, 100_000);
+        assert_eq!(again, Height { besides_m_s2: 0.7, ..Height::start(-2.0, 100_000, -0.4) });
+    }
+
+    /// An error of a metre dies away as the observer's differential equations say, which are integrated here in steps of 0.1 ms: what is
+    /// left differs by the ticks' length.
+    #[test]
+    fn an_error_dies_away_as_its_equations_say() {
+        let (omega, two_zeta, besides) = (2.0_f64, 2.0 * 0.8, 0.25);
+        let mut height = Height::start(1.0, 0, 0.0);
+        let [mut z_m, mut rate_m_s, mut besides_m_s2] = [1.0_f64, 0.0, 0.0];
+        for tick in 1..400_u32 {
+            height.go_on(0.0, TICK_US);
+            height.correct(0.0, 0);
+            for _ in 0..100 {
+                let off_m = -z_m;
+                z_m += 1e-4 * (rate_m_s + two_zeta * omega * off_m);
+                rate_m_s += 1e-4 * (besides_m_s2 + omega * omega * off_m);
+                besides_m_s2 += 1e-4 * besides * omega * omega * omega * off_m;
+            }
+            assert!((f64::from(height.z_m()) - z_m).abs() < 0.02, "{tick}: {} {z_m}", height.z_m());
+        }
+        assert!(z_m.abs() < 0.1, "{z_m}");
+    }
+
     /// A pose that is early or late by some ticks is held against the height of its own moment.
     #[test]
     fn ages_may_differ_from_pose_to_pose() {
