@@ -19,7 +19,7 @@ use crate::finding::EffectFinding;
 use crate::observer::Observer;
 use crate::reason::Reason;
 use crate::search_error::{SearchError, going_on};
-use crate::significance::block_sums;
+use crate::significance::take_fall;
 
 /// A change with its evidence.
 pub(crate) type Found = (Change, EffectFinding);
@@ -252,18 +252,10 @@ fn held_out(model: &Model, changes: &[Change], flights: &[&Prepared]) -> Vec<Res
 fn leaves_more(more: &[Residuals], less: &[Residuals], flights: &[&Prepared]) -> Option<(Axis, f64)> {
     let (of_more, of_less) = (errors(more), errors(less));
     let mut blocks = Blocks::default();
+    let noise = |axis: Axis| of_less[axis].rms.min(of_more[axis].rms).max(f64::MIN_POSITIVE);
+    let weights = model::AXES.map(|axis| (axis, 1.0 / (noise(axis) * noise(axis))));
     for ((flight, a), b) in flights.iter().zip(more).zip(less) {
-        let (mut gain, mut chance) = (vec![0.0; flight.rows()], vec![0.0; flight.rows()]);
-        for axis in model::AXES {
-            let noise = of_less[axis].rms.min(of_more[axis].rms).max(f64::MIN_POSITIVE);
-            let pairs = a.residual[axis.index()].iter().zip(&b.residual[axis.index()]);
-            for ((g, c), (x, y)) in gain.iter_mut().zip(&mut chance).zip(pairs) {
-                *g += (x * x - y * y) / (noise * noise);
-                *c += 2.0 * y * (x - y) / (noise * noise);
-            }
-        }
-        blocks.gain.extend(block_sums(flight, &gain));
-        blocks.chance.extend(block_sums(flight, &chance));
+        take_fall(&mut blocks, flight, weights, (a, b));
     }
     let excess = |axis: Axis| 100.0 * (of_more[axis].sse / of_less[axis].sse - 1.0);
     let worst = model::AXES.into_iter().max_by(|a, b| excess(*a).total_cmp(&excess(*b)))?;

@@ -11,7 +11,7 @@ use crate::anchor::anchor_of;
 use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
 use crate::reason::Reason;
-use crate::significance::{block_sums, effect_p_value};
+use crate::significance::{effect_p_value, take_fall};
 
 /// A model refitted on the training flights and its residuals on the held-out ones.
 #[derive(Clone)]
@@ -116,25 +116,16 @@ pub(crate) fn take_gain(
     let mut blocks = Blocks::default();
     let (mut fall, mut total) = (0.0, 0.0);
     for ((flight, a), b) in flights.iter().zip(before).zip(after) {
-        let mut difference = vec![0.0; flight.rows()];
-        let mut chance = difference.clone();
-        let mut own_total = 0.0;
-        for axis in axes.iter().map(|a| a.index()) {
-            let weight = 1.0 / (sigma[axis] * sigma[axis]);
-            let sums = difference.iter_mut().zip(&mut chance);
-            for (((d, c), x), y) in sums.zip(&a.residual[axis]).zip(&b.residual[axis]) {
-                *d += weight * (x * x - y * y);
-                *c += weight * 2.0 * y * (x - y);
-                own_total += weight * x * x;
-            }
-        }
-        let sum: f64 = difference.iter().sum();
+        let weights = axes.iter().map(|axis| (*axis, 1.0 / (sigma[axis.index()] * sigma[axis.index()])));
+        let squares = |(axis, weight): (Axis, f64)| -> f64 {
+            weight * a.residual[axis.index()].iter().map(|x| x * x).sum::<f64>()
+        };
+        let own_total: f64 = weights.clone().map(squares).sum();
+        let own_fall = take_fall(&mut blocks, flight, weights, (a, b));
+        finding.drop_percent_by_flight.push(if own_total > 0.0 { 100.0 * own_fall / own_total } else { 0.0 });
+        finding.flights_improved[0] += usize::from(own_fall > 0.0);
+        fall += own_fall;
         total += own_total;
-        finding.drop_percent_by_flight.push(if own_total > 0.0 { 100.0 * sum / own_total } else { 0.0 });
-        finding.flights_improved[0] += usize::from(sum > 0.0);
-        fall += sum;
-        blocks.gain.extend(block_sums(flight, &difference));
-        blocks.chance.extend(block_sums(flight, &chance));
     }
     let (errors_before, errors_after) = (errors(before), errors(after));
     for &axis in axes {
@@ -173,11 +164,7 @@ fn rise(
     }
     let mut blocks = Blocks::default();
     for ((flight, a), b) in flights.iter().zip(before).zip(after) {
-        let pairs = || a.residual[axis.index()].iter().zip(&b.residual[axis.index()]);
-        let risen: Vec<f64> = pairs().map(|(x, y)| y * y - x * x).collect();
-        let chance: Vec<f64> = pairs().map(|(x, y)| 2.0 * x * (y - x)).collect();
-        blocks.gain.extend(block_sums(flight, &risen));
-        blocks.chance.extend(block_sums(flight, &chance));
+        take_fall(&mut blocks, flight, [(axis, 1.0)], (b, a));
     }
     (blocks.p_value() <= HELD_OUT_SIGNIFICANCE).then_some((axis, percent))
 }

@@ -1,12 +1,12 @@
 //! Tests of coefficients and gains on flights, whose neighbouring samples are not independent: stretches of time as long as
 //! the window of the coefficients' covariance count instead.
 
-use model::Effect;
+use model::{Axis, Effect};
 use nalgebra::{DMatrix, DVector};
-use sysid::Fit;
 use sysid::fit::least_squares::WINDOW_S;
 use sysid::prepare::Prepared;
-use sysid::statistics;
+use sysid::statistics::{self, Blocks};
+use sysid::{Fit, Residuals};
 
 /// p-value of the hypothesis that all coefficients of `effect` are zero.
 pub(crate) fn effect_p_value(fit: &Fit, effect: Effect, train: &[&Prepared]) -> f64 {
@@ -40,6 +40,28 @@ pub(crate) fn zero_p_value<'a>(
 /// How many independent stretches of time flights have.
 pub(crate) fn independent_stretches(flights: &[&Prepared]) -> f64 {
     flights.iter().map(|f| f.rows() as f64 * f.period_s).sum::<f64>() / WINDOW_S
+}
+
+/// Adds to `blocks` by how much the squared residuals of a flight fall from `before` to `after`, over axes with their weights, and
+/// by how much they would by chance. Gives the whole fall.
+pub(crate) fn take_fall(
+    blocks: &mut Blocks,
+    flight: &Prepared,
+    weights: impl IntoIterator<Item = (Axis, f64)>,
+    (before, after): (&Residuals, &Residuals),
+) -> f64 {
+    let mut fall = vec![0.0; flight.rows()];
+    let mut chance = fall.clone();
+    for (axis, weight) in weights {
+        let pairs = before.residual[axis.index()].iter().zip(&after.residual[axis.index()]);
+        for ((f, c), (x, y)) in fall.iter_mut().zip(&mut chance).zip(pairs) {
+            *f += weight * (x * x - y * y);
+            *c += weight * 2.0 * y * (x - y);
+        }
+    }
+    blocks.gain.extend(block_sums(flight, &fall));
+    blocks.chance.extend(block_sums(flight, &chance));
+    fall.iter().sum()
 }
 
 /// Sums over blocks of time as long as a stretch, not across gaps.

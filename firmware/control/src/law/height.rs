@@ -62,8 +62,8 @@ impl Height {
     pub(crate) fn start(z_m: f32, age_us: u32, rate_m_s: f32) -> Self {
         let rate_m_s = if rate_m_s.is_finite() { rate_m_s } else { 0.0 };
         let now_m = z_m + rate_m_s * (age_us as f32 * 1e-6);
-        // What was before lies on a straight line, as far back as poses may be old.
-        let step_us = (age_us / (KEPT as u32 - 1) + 1).max(LEAST_STEP_US);
+        // What was before lies on a straight line, at least as far back as the pose is old.
+        let step_us = age_us.max(LEAST_STEP_US);
         let mut past = [Past { z_m: now_m, elapsed_us: step_us }; KEPT];
         let mut before_m = now_m;
         for one in past.iter_mut().rev() {
