@@ -219,8 +219,18 @@ pub(crate) const RULES: &[Rule] = &[
         question: "swings and does not drift: swings of the load in the longest stretch of a flight",
         unit: "swings",
         at_most: false,
-        figures: |e| e.finding.swings.map(|swings| (swings, SWINGS)),
+        figures: |e| e.finding.swing.map(|swing| (swing.count, SWINGS)),
         objection: |e, swings, _| Reason::TooFewSwings { swings, excitation: e.effect().info().excitation },
+    },
+    Rule {
+        question: "moves the craft as it swings: drop of the held-out squared error of u and v at frequencies up to its swing",
+        unit: "%",
+        at_most: false,
+        figures: |e| Some((e.finding.swing?.drop_percent?, MATTERS_PERCENT)),
+        objection: |e, drop_percent, _| Reason::QuickerThanItsSwing {
+            up_to_hz: e.finding.swing.map_or(0.0, |swing| swing.up_to_hz),
+            drop_percent,
+        },
     },
     Rule {
         question: "is possible: how far the worst coefficient lies outside its range",

@@ -398,7 +398,11 @@ mod tests {
         finding.held_out_p_value = Some(pick(0.02, 0.2));
         finding.harm_percent = pick(15.0, 60.0);
         finding.rise = Some((effect.info().axes[0], 20.0));
-        finding.swings = effect.info().special.hangs_load.then(|| pick(8.0, 1.0));
+        finding.swing = effect.info().special.hangs_load.then(|| crate::finding::Swing {
+            count: pick(8.0, 1.0),
+            up_to_hz: 0.8,
+            drop_percent: Some(pick(10.0, -20.0)),
+        });
         for axis in effect.info().axes {
             finding.axes.insert(axis.name(), AxisDrop::new(100.0, 100.0 - pick(6.0, 0.5)));
         }

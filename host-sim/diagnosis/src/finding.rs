@@ -66,6 +66,17 @@ pub(crate) struct Anchor {
     pub(crate) depth_m: f64,
 }
 
+/// How a slung load swings, as it was estimated.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Swing {
+    /// Swings in the longest stretch that it was followed over.
+    pub(crate) count: f64,
+    /// The frequency up to which a load explains what the craft does, Hz.
+    pub(crate) up_to_hz: f64,
+    /// Held-out drop of the squared error of u and v up to there, percent; nothing where no stretch is long enough to tell.
+    pub(crate) drop_percent: Option<f64>,
+}
+
 /// A candidate's evidence.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct EffectFinding {
@@ -102,9 +113,9 @@ pub struct EffectFinding {
     /// What all such rises take from the logarithm of the likelihood, percent of what the falls add to it.
     #[serde(skip)]
     pub(crate) harm_percent: f64,
-    /// Swings of a slung load in the longest stretch that it was followed over.
+    /// How a slung load swings.
     #[serde(skip)]
-    pub(crate) swings: Option<f64>,
+    pub(crate) swing: Option<Swing>,
     /// Where the cable ends that it would be.
     #[serde(skip)]
     pub(crate) anchor: Option<Anchor>,
@@ -134,7 +145,7 @@ impl EffectFinding {
             gain: f64::NEG_INFINITY,
             rise: None,
             harm_percent: 0.0,
-            swings: None,
+            swing: None,
             anchor: None,
             gain_of: [0.0; 6],
             motor: None,

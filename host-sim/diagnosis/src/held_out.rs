@@ -1,6 +1,7 @@
 //! Fits, what they predict of flights held out, and what an effect gains there.
 
 use model::{Axis, AxisError, Effect, Model, PerAxis};
+use sysid::fit::slung_load::Carried;
 use sysid::fit::starts::Demand;
 use sysid::fit::{check_residuals, fit_if, slung_load};
 use sysid::prepare::Prepared;
@@ -9,9 +10,10 @@ use sysid::{Fit, FitError, Residuals, errors, has_rotation, residuals};
 
 use crate::anchor::anchor_of;
 use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
-use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding};
+use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, Swing};
 use crate::reason::Reason;
 use crate::significance::{effect_p_value, take_fall};
+use crate::swing_band;
 
 /// A model refitted on the training flights and its residuals on the held-out ones.
 #[derive(Clone)]
@@ -76,7 +78,16 @@ pub(crate) fn examine_along(
         .zip(estimates)
         .map(|(c, e)| CoefficientFigures::new(c, e.value, e.std_error.unwrap_or(0.0), &with.fit.model))
         .collect();
-    finding.swings = swings(&with.fit.model, effect, &[train, validate].concat());
+    let carried = slung_load::of_model(&with.fit.model).filter(|_| info.special.hangs_load);
+    finding.swing = carried.map(|carried| Swing {
+        count: swings(&carried, &[train, validate].concat()),
+        up_to_hz: swing_band::up_to_hz(&carried),
+        drop_percent: swing_band::drop_percent(
+            validate,
+            (&without.held_out, &with.held_out),
+            swing_band::up_to_hz(&carried),
+        ),
+    });
     finding.anchor = anchor_of(&finding, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
     take_gain(&mut finding, (axes, &with.fit.sigma), validate, (&without.held_out, &with.held_out));
@@ -85,14 +96,13 @@ pub(crate) fn examine_along(
 }
 
 /// Swings of a load over the longest stretch of flights.
-fn swings(model: &Model, effect: Effect, flights: &[&Prepared]) -> Option<f64> {
-    let carried = slung_load::of_model(model).filter(|_| effect.info().special.hangs_load)?;
+fn swings(carried: &Carried, flights: &[&Prepared]) -> f64 {
     let seconds = |flight: &&Prepared| {
         let samples = flight.stretches.iter().map(|stretch| stretch.time_s.len()).max().unwrap_or(0);
         samples as f64 * flight.period_s
     };
     let longest_s = flights.iter().map(seconds).fold(0.0, f64::max);
-    Some(longest_s / carried.swing_s())
+    longest_s / carried.swing_s()
 }
 
 /// The axes that the evidence for an effect is taken on: those that it acts on. A model of forces alone predicts nothing of the
@@ -249,8 +259,7 @@ mod tests {
         let mut model = truth();
         model.set(Effect::SlungLoad, &[0.05, 0.5, 0.05]);
         let flights = prepared(&truth(), 30..31, 10.0, &ORDINARY);
-        let found = swings(&model, Effect::SlungLoad, &[&flights[0]]).unwrap();
+        let found = swings(&slung_load::of_model(&model).unwrap(), &[&flights[0]]);
         assert!((found - 7.05).abs() < 0.1, "{found}");
-        assert_eq!(swings(&model, Effect::Tether, &[&flights[0]]), None);
     }
 }

@@ -41,6 +41,7 @@ mod search_error;
 mod significance;
 mod stand_ins;
 pub mod subsets;
+mod swing_band;
 #[cfg(test)]
 mod testing;
 mod unidentified;

@@ -176,6 +176,13 @@ pub enum Reason {
         /// What to fly.
         excitation: &'static str,
     },
+    /// A load that explains only what is quicker than it swings.
+    QuickerThanItsSwing {
+        /// The frequency up to which a load explains what the craft does, Hz.
+        up_to_hz: f64,
+        /// Fall of the squared error up to there, percent.
+        drop_percent: f64,
+    },
     /// It takes error from some axes and adds as much or more to another.
     HarmsAxis {
         /// The axis.
@@ -294,7 +301,8 @@ impl fmt::Display for Reason {
             Self::OnOtherSplits { .. }
             | Self::NotBorneOut { .. }
             | Self::HarmsAxis { .. }
-            | Self::TooFewSwings { .. } => self.write_of_flights(f),
+            | Self::TooFewSwings { .. }
+            | Self::QuickerThanItsSwing { .. } => self.write_of_flights(f),
             Self::OnlyLinearised
             | Self::NotFittedTogether(_)
             | Self::MakesWorse { .. }
@@ -342,6 +350,14 @@ impl Reason {
                 "it would swing only {} times in the longest flight, where a slow drift looks the same; to see it, fly longer: \
                  {excitation}",
                 fixed(*swings, 1)
+            ),
+            Self::QuickerThanItsSwing { up_to_hz, drop_percent } => write!(
+                f,
+                "it lowers the error only at frequencies above {} Hz, where noise of the tracker looks the same; at its swing and below, \
+                 the held-out rms error of u and v {} by {} %",
+                fixed(*up_to_hz, 2),
+                if *drop_percent > 0.0 { "falls only" } else { "rises" },
+                number::percent(rms_fall_percent(*drop_percent).abs())
             ),
             _ => Ok(()),
         }
