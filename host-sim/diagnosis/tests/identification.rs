@@ -165,6 +165,51 @@ fn nothing_planted_nothing_found() {
     }
 }
 
+/// The flight as a tracker logs it whose noise wanders: steps of 1 mm and 0.3 mrad a sample, forgotten within half a second.
+fn seen_by_a_wandering_tracker(flight: &flights::Flight, seed: u64) -> flights::Flight {
+    use flights::Column::*;
+    use rand::{RngExt, SeedableRng};
+    let mut rng = rand_pcg::Pcg64Mcg::seed_from_u64(seed);
+    let columns = [T, X, Y, Z, Phi, Theta, Psi, P, Q, R, Cmd1, Cmd2, Cmd3, Cmd4, Vbat].map(|column| {
+        let mut values = flight.column(column).unwrap().to_vec();
+        let step = match column {
+            X | Y | Z => 1.0e-3,
+            Phi | Theta | Psi => 0.3e-3,
+            _ => 0.0,
+        };
+        let mut wandered = 0.0;
+        for value in &mut values {
+            let normal = (0..12).map(|_| rng.random::<f64>()).sum::<f64>() - 6.0;
+            wandered = 0.98 * wandered + step * normal;
+            *value += wandered;
+        }
+        (column, values)
+    });
+    flights::Flight::from_columns(flight.name.clone(), columns)
+}
+
+/// Above its swing a load pulls as such noise does, and some loads lower the error of accelerations that are half noise.
+#[test]
+fn a_tracker_whose_noise_wanders_is_no_load() {
+    let firsts = [50, 60, 70, 80];
+    println!("seeds from {firsts:?}");
+    let mut quicker = 0;
+    for first in firsts {
+        let world = truth();
+        let seen = |seed| seen_by_a_wandering_tracker(&fly(&world, seed, 30.0, &ORDINARY), seed);
+        let flights: Vec<Prepared> =
+            (first..first + 5).map(|seed| Prepared::new(&seen(seed), &world.vehicle).unwrap()).collect();
+        let all = all(&flights);
+        let base = fit(&all[..3], &world.vehicle, &basic(), None).unwrap();
+        let diagnosis = diagnose(&base.model, &all[..3], &all[3..], &Silent).unwrap();
+        let load = diagnosis.effects.iter().find(|e| e.effect == Effect::SlungLoad).unwrap();
+        println!("{first}: {:?} {} {:?}", diagnosis.best(), load.reason, load.coefficients);
+        assert!(!load.supported, "seeds from {first}: {}", diagnosis.summary);
+        quicker += usize::from(load.reason.to_string().contains("noise of the tracker"));
+    }
+    assert!(quicker >= 3, "only {quicker} of 4 loads are refused for it");
+}
+
 #[test]
 fn a_flight_given_twice_changes_nothing_but_the_claimed_precision() {
     let truth = truth();
