@@ -271,21 +271,27 @@ fn commands_that_one_log_has_late_are_found_beside_a_missing_lag() {
     }
 }
 
+/// Lags of pieces scatter by more than ten milliseconds in many of these flights, but one lag explains as much. That of the radio link may
+/// wander: its motion follows the commands too little to tell, and that is what its rotation is refused for.
 #[test]
-fn real_logs_of_a_radio_link_wander_and_those_of_one_board_do_not() {
-    for (folder, least, most) in [("data/nanobench", 8, 11), ("data/nanodrone", 0, 0)] {
+fn real_flights_whose_lags_scatter_by_chance_are_not_said_to_wander() {
+    for (folder, vehicle) in [
+        ("data/nanobench", "vehicle.toml"),
+        ("data/nanodrone", "vehicle.toml"),
+        ("data/neuralfly", "vehicle.toml"),
+        ("data/neuralswarm", "vehicle_small.toml"),
+    ] {
         let Some(folder) = shared(folder) else { return };
-        let vehicle = Vehicle::read(&folder.join("vehicle.toml")).unwrap();
-        let mut paths: Vec<_> = std::fs::read_dir(&folder).unwrap().map(|e| e.unwrap().path()).collect();
-        paths.retain(|path| path.extension().is_some_and(|e| e == "csv"));
-        let named: Vec<String> = paths
-            .iter()
+        let vehicle = Vehicle::read(&folder.join(vehicle)).unwrap();
+        let named: Vec<String> = std::fs::read_dir(&folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.extension().is_some_and(|e| e == "csv"))
             .filter_map(|path| {
-                let flight = Flight::read(path).unwrap();
+                let flight = Flight::read(&path).unwrap();
                 Some(format!("{}: {}", flight.name, wanders(&flight, &vehicle)?))
             })
             .collect();
-        println!("{} of {}: {named:#?}", named.len(), paths.len());
-        assert!((least..=most).contains(&named.len()), "{named:#?}");
+        assert_eq!(named, Vec::<String>::new(), "{}", folder.display());
     }
 }

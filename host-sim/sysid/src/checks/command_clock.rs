@@ -12,7 +12,15 @@
 //! **A clock or the motors?** A lag of the motors is the same in all pieces: in simulated flights of noise up to twice the
 //! usual the lags of a flight scatter by a few milliseconds, with an effect that hides the motors by up to 8 ms, in logs of a radio
 //! link by 7 to 30 ms. A scatter of more than
-//! [`MATTERS_S`] is called wandering. Where rotor speeds were measured, [`crate::fit::alignment`] looks more closely.
+//! [`MATTERS_S`] may be wandering.
+//!
+//! **A clock or chance?** A slow motion follows the motors about as well at any lag within some 50 ms: where the largest correlation lies is
+//! then chance, or the answer of the controller to what disturbs the craft. So one lag for the whole flight is held against a lag of
+//! each piece: it leaves 1 - r^2 of the motion in a piece, with the correlation r at that lag. Clocks that wander by 20 to 30 ms leave
+//! 1.9 times as much and more with one lag; flights on one clock whose lags scatter by more than [`MATTERS_S`], simulated and real, at most
+//! 1.22 times.
+//!
+//! Where rotor speeds were measured, [`crate::fit::alignment`] looks more closely.
 
 use model::{Adjustments, Vehicle};
 use report::number::fixed;
@@ -35,6 +43,8 @@ const CLEAR: f64 = 0.6;
 const FEWEST_LAGS: usize = 5;
 /// Lags must scatter by this, s, for a clock to wander.
 pub const MATTERS_S: f64 = 0.010;
+/// With one lag for the whole flight this times as much must be left of the motion as with a lag of each piece, as a mean of logarithms.
+const LEAVES: f64 = 1.5;
 /// Signs of the places' roll and pitch moments.
 const SIGNS: [[f64; 4]; 2] = [[1.0, -1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]];
 
@@ -52,8 +62,10 @@ pub fn check(flight: &Prepared, vehicle: &Vehicle) -> Option<Vec<PieceLag>> {
     if flight.has_rotor_speeds() {
         return None;
     }
-    let pieces = pieces(flight, vehicle);
-    (scatter_s(&pieces)? > MATTERS_S).then_some(pieces)
+    let clear = clear_pieces(flight, vehicle);
+    let pieces: Vec<PieceLag> = clear.iter().map(Clear::lag).collect();
+    let wanders = scatter_s(&pieces)? > MATTERS_S && left_by_one_lag(&clear)? > LEAVES;
+    wanders.then_some(pieces)
 }
 
 /// For people.
@@ -84,12 +96,62 @@ fn scatter_s(pieces: &[PieceLag]) -> Option<f64> {
     (deviations.len() >= FEWEST_LAGS).then(|| median(&mut deviations).map(|m| NORMAL * m)).flatten()
 }
 
+/// How many times as much one lag for all pieces leaves of the motion as a lag of each, as a mean of logarithms; nothing without pieces.
+fn left_by_one_lag(pieces: &[Clear]) -> Option<f64> {
+    let of_axis = |axis: usize| {
+        let peaks: Vec<&Peak> = pieces.iter().filter_map(|piece| piece.peaks[axis].as_ref()).collect();
+        let one = median(&mut peaks.iter().map(|peak| peak.late_s).collect::<Vec<_>>());
+        peaks.into_iter().filter_map(move |peak| Some(peak.left_by(one?).ln()))
+    };
+    mean((0..2).flat_map(of_axis)).map(f64::exp)
+}
+
 fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, count) = values.fold((0.0, 0), |(sum, count), v| (sum + v, count + 1));
     (count > 0).then(|| sum / f64::from(count))
 }
 
-fn pieces(flight: &Prepared, vehicle: &Vehicle) -> Vec<PieceLag> {
+/// A piece that shows its lag.
+struct Clear {
+    /// Middle of the piece, s.
+    time_s: f64,
+    /// In roll and in pitch, where it shows it.
+    peaks: [Option<Peak>; 2],
+}
+
+impl Clear {
+    fn lag(&self) -> PieceLag {
+        PieceLag {
+            time_s: self.time_s,
+            late_s: self.peaks.each_ref().map(|peak| peak.as_ref().map(|p| p.late_s)),
+        }
+    }
+}
+
+/// How the correlation of motion and motors depends on the lag.
+struct Peak {
+    /// The lag of the largest, between samples by the parabola through it and its neighbours, s.
+    late_s: f64,
+    /// The correlations, from the smallest lag on, a sample apart.
+    correlations: Vec<f64>,
+    /// Sampling period, s, and the smallest lag, samples.
+    period_s: f64,
+    first: isize,
+}
+
+impl Peak {
+    /// How many times as much of the motion a lag leaves as the best one does.
+    fn left_by(&self, late_s: f64) -> f64 {
+        let left = |late_s: f64| {
+            let place = (late_s / self.period_s).round() as isize - self.first;
+            let correlation = usize::try_from(place).ok().and_then(|k| self.correlations.get(k));
+            correlation.map_or(1.0, |r| (1.0 - r * r).max(f64::MIN_POSITIVE))
+        };
+        left(late_s) / left(self.late_s)
+    }
+}
+
+fn clear_pieces(flight: &Prepared, vehicle: &Vehicle) -> Vec<Clear> {
     let period_s = flight.period_s;
     let (first, last) = ((LAGS_S.0 / period_s).round() as isize, (LAGS_S.1 / period_s).round() as isize);
     let length = (PIECE_S / period_s).round() as usize;
@@ -118,13 +180,11 @@ fn pieces(flight: &Prepared, vehicle: &Vehicle) -> Vec<PieceLag> {
         });
         let margin = last.max(-first) as usize;
         for start in (margin..rows.saturating_sub(length + margin)).step_by(length) {
-            let late = streams.each_ref().map(|[turning, pushing]| {
-                lag_samples(turning, pushing, start..start + length, (first, last))
+            let peaks = streams.each_ref().map(|[turning, pushing]| {
+                peak(turning, pushing, start..start + length, (first, last), period_s)
             });
-            if late.iter().any(Option::is_some) {
-                let time_s = stretch.time_s[half + start + length / 2];
-                pieces
-                    .push(PieceLag { time_s, late_s: late.map(|lag| lag.map(|samples| samples * period_s)) });
+            if peaks.iter().any(Option::is_some) {
+                pieces.push(Clear { time_s: stretch.time_s[half + start + length / 2], peaks });
             }
         }
     }
@@ -146,14 +206,14 @@ fn without_slow_parts(signal: &[f64], period_s: f64) -> Vec<f64> {
     signal.iter().enumerate().map(|(k, v)| v - mean(k)).collect()
 }
 
-/// The lag of the largest correlation, between samples by the parabola through it and its neighbours; nothing where none is
-/// clear or the largest is at the end of what was looked at.
-fn lag_samples(
+/// The largest correlation; nothing where none is clear or the largest is at the end of what was looked at.
+fn peak(
     late: &[f64],
     early: &[f64],
     range: std::ops::Range<usize>,
     (first, last): (isize, isize),
-) -> Option<f64> {
+    period_s: f64,
+) -> Option<Peak> {
     let correlation = |lag: isize| {
         let (mut product, mut squares) = (0.0, [0.0; 2]);
         for k in range.clone() {
@@ -170,7 +230,8 @@ fn lag_samples(
     }
     let (a, b, c) = (all[best - 1], all[best], all[best + 1]);
     let part = 0.5 * (a - c) / (a - 2.0 * b + c).min(-f64::MIN_POSITIVE);
-    Some((first + best as isize) as f64 + part)
+    let late_s = ((first + best as isize) as f64 + part) * period_s;
+    Some(Peak { late_s, correlations: all, period_s, first })
 }
 
 #[cfg(test)]
@@ -234,21 +295,50 @@ mod tests {
         let early: Vec<f64> = (0..600).map(|k| at(f64::from(k))).collect();
         for lag in [0.0, 3.0, -4.0, 6.4, -2.3] {
             let late: Vec<f64> = (0..600).map(|k| at(f64::from(k) - lag)).collect();
-            let found = lag_samples(&late, &early, 100..500, (-10, 20)).unwrap();
+            let found = 100.0 * peak(&late, &early, 100..500, (-10, 20), 0.01).unwrap().late_s;
             assert!((found - lag).abs() < 0.05, "{found} instead of {lag}");
         }
         // Beyond what is looked at there is no peak.
         let late: Vec<f64> = (0..600).map(|k| at(f64::from(k) - 24.0)).collect();
-        assert_eq!(lag_samples(&late, &early, 100..500, (-10, 20)), None);
+        assert!(peak(&late, &early, 100..500, (-10, 20), 0.01).is_none());
+    }
+
+    /// Correlations of 0.6 and 0.8 leave 0.64 and 0.36 of the motion; beyond what was looked at nothing is known of it.
+    #[test]
+    fn what_another_lag_leaves_is_by_the_correlations() {
+        let peak = Peak { late_s: 0.01, correlations: vec![0.6, 0.0, 0.8, 0.6], period_s: 0.01, first: -1 };
+        assert!((peak.left_by(-0.01) - 0.64 / 0.36).abs() < 1e-12);
+        assert!((peak.left_by(0.002) - 1.0 / 0.36).abs() < 1e-12);
+        assert_eq!(peak.left_by(0.014), 1.0);
+        assert!(
+            (peak.left_by(0.5) - 1.0 / 0.36).abs() < 1e-12 && (peak.left_by(-0.5) - 1.0 / 0.36).abs() < 1e-12
+        );
+    }
+
+    /// Lags of 0, 20 and 40 ms: the middle one is right for one piece, and the geometric mean of 1, 4 and 4 is left.
+    #[test]
+    fn one_lag_for_all_pieces_is_their_median() {
+        let of = |late: usize, next: f64| {
+            let mut correlations = vec![0.0; 5];
+            correlations[2] = next;
+            correlations[late] = 0.75_f64.sqrt();
+            let peak = Peak { late_s: 0.01 * late as f64, correlations, period_s: 0.01, first: 0 };
+            Clear { time_s: 0.0, peaks: [Some(peak), None] }
+        };
+        let sharp = left_by_one_lag(&[of(0, 0.0), of(2, 0.0), of(4, 0.0)]).unwrap();
+        assert!((sharp - 16f64.cbrt()).abs() < 1e-12, "{sharp}");
+        let broad = left_by_one_lag(&[of(0, 0.85), of(2, 0.85), of(4, 0.85)]).unwrap();
+        assert!((broad - ((1.0 - 0.85_f64.powi(2)) / 0.25).powi(2).cbrt()).abs() < 1e-12 && broad < LEAVES);
+        assert_eq!(left_by_one_lag(&[]), None);
     }
 
     #[test]
     fn unrelated_signals_have_no_lag() {
         for seed in 1..6 {
             let (a, b) = (noise(seed, 600), noise(seed + 100, 600));
-            assert_eq!(lag_samples(&a, &b, 100..500, (-10, 20)), None, "seed {seed}");
+            assert!(peak(&a, &b, 100..500, (-10, 20), 0.01).is_none(), "seed {seed}");
         }
-        assert_eq!(lag_samples(&[0.0; 50], &[0.0; 50], 20..30, (-10, 10)), None);
+        assert!(peak(&[0.0; 50], &[0.0; 50], 20..30, (-10, 10), 0.01).is_none());
     }
 
     #[test]
