@@ -331,7 +331,7 @@ mod tests {
     fn a_shape_is_possible_up_to_the_ends_of_its_range() {
         let possible =
             |values: &[f64]| is_possible(Effect::SlungLoad, &End { values: values.to_vec(), ..end(0.0) });
-        assert!(possible(&[0.0, 0.08, 0.0]) && possible(&[100.0, 10.0, 1.0]));
+        assert!(possible(&[0.0, 0.08, 0.0]) && possible(&[100.0, 10.0, 0.5]));
         assert!(!possible(&[-1e-9, 1.0, 0.0]) && !possible(&[0.1, 10.1, 0.0]));
         assert!(!possible(&[0.1, f64::NAN, 0.0]));
     }

@@ -20,8 +20,9 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         Coefficient::new("load_mass", "kg", (0.0, 100.0), 0.05),
         // Without a load, a length means nothing; what is known of it is hardly more than what is possible.
         Coefficient::new("cable_length", "m", (0.08, 10.0), 0.4).known_to(30.0),
-        // Air and the cable's own stiffness damp a swing by some percent.
-        Coefficient::new("damping_ratio", "1", (0.0, 1.0), 0.05).known_to(0.1),
+        // Air and the cable's own stiffness damp a swing by some percent. With a half, 3 % are left after one swing: that is no load that
+        // swings, but something that follows the motion.
+        Coefficient::new("damping_ratio", "1", (0.0, 0.5), 0.05).known_to(0.1),
     ],
     excitation: "start, stop and reverse quickly, so that the load swings, then hover until the swing has died away",
     confused_with: &[
