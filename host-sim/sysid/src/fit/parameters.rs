@@ -89,10 +89,10 @@ mod tests {
 
     #[test]
     fn a_damping_does_not_step_below_zero_and_a_mass_may() {
-        // Possible from 0 to 100 kg and from 0 to 1.
+        // Possible from 0 to 100 kg and from 0 to 0.5; a step ends as far again outside.
         let [mass, _, damping] = Effect::SlungLoad.info().coefficients else { panic!("three coefficients") };
         assert!(is_bound(damping) && !is_bound(mass));
-        assert_eq!((step_end(0.1, -5.0, damping), step_end(0.1, 5.0, damping)), (0.0, 2.0));
+        assert_eq!((step_end(0.1, -5.0, damping), step_end(0.1, 5.0, damping)), (0.0, 1.0));
         assert_eq!((step_end(0.0, -5.0, mass), step_end(0.0, -500.0, mass)), (-5.0, -100.0));
     }
 
