@@ -79,14 +79,11 @@ pub(crate) fn examine_along(
         .map(|(c, e)| CoefficientFigures::new(c, e.value, e.std_error.unwrap_or(0.0), &with.fit.model))
         .collect();
     let carried = slung_load::of_model(&with.fit.model).filter(|_| info.special.hangs_load);
-    finding.swing = carried.map(|carried| Swing {
-        count: swings(&carried, &[train, validate].concat()),
-        up_to_hz: swing_band::up_to_hz(&carried),
-        drop_percent: swing_band::drop_percent(
-            validate,
-            (&without.held_out, &with.held_out),
-            swing_band::up_to_hz(&carried),
-        ),
+    finding.swing = carried.map(|carried| {
+        let up_to_hz = swing_band::up_to_hz(&carried);
+        let both = (&without.held_out[..], &with.held_out[..]);
+        let drop_percent = swing_band::drop_percent(validate, both, up_to_hz);
+        Swing { count: swings(&carried, &[train, validate].concat()), up_to_hz, drop_percent }
     });
     finding.anchor = anchor_of(&finding, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);

@@ -77,6 +77,11 @@ fn sample_variance(flight: &Prepared) -> f64 {
     floor(flight, (force_channels(flight).0, 1.0)).iter().sum::<f64>() / 3.0
 }
 
+/// Hann's window over `count` samples, at sample `k`.
+pub(crate) fn hann(k: usize, count: usize) -> f64 {
+    0.5 - 0.5 * (TAU * k as f64 / count as f64).cos()
+}
+
 /// What a filter makes of the power of an oscillation of so many cycles a sample.
 pub(crate) fn gain(taps: &[f64], cycles: f64) -> f64 {
     let part = |turn: fn(f64) -> f64| -> f64 {
@@ -358,8 +363,7 @@ pub(crate) fn strongest_frequency(flights: &[&Prepared], residuals: &[Residuals]
     for (flight, residual) in flights.iter().zip(residuals) {
         let signal = &residual.residual[axis];
         let n = signal.len() as f64;
-        let hann = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / n).cos();
-        let windowed: Vec<f64> = signal.iter().enumerate().map(|(k, e)| hann(k) * e).collect();
+        let windowed: Vec<f64> = signal.iter().enumerate().map(|(k, e)| hann(k, signal.len()) * e).collect();
         for (sum, frequency) in power.iter_mut().zip(&grid) {
             // The wave turns on from sample to sample, which is a multiplication and no cosine.
             let turn = Complex::cis(TAU * frequency * flight.period_s);
@@ -451,6 +455,12 @@ mod tests {
         assert!((offset(&[0.05, 0.15]) - 0.1).abs() < 1e-12);
         assert_eq!(offset(&[-0.7, -0.9]), -OFFSET_M_S2);
         assert_eq!(offset(&[]), 0.0);
+    }
+
+    #[test]
+    fn a_window_of_four_samples() {
+        let window: Vec<f64> = (0..4).map(|k| hann(k, 4)).collect();
+        assert!(window.iter().zip([0.0, 0.5, 1.0, 0.5]).all(|(a, b)| (a - b).abs() < 1e-15), "{window:?}");
     }
 
     #[test]

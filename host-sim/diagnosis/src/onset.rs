@@ -11,6 +11,7 @@ use crate::beginning::{Share, since};
 use crate::change::Change;
 use crate::change_scatter::scatter_of;
 use crate::finding::{CoefficientFigures, EffectFinding, Since};
+use crate::significance::rows_of_stretches;
 
 /// Length of a window, s: longer than what the filters of a row reach over.
 const WINDOW_S: f64 = 1.0;
@@ -61,13 +62,10 @@ fn shares([before, after]: [&Model; 2], axes: &[Axis], flight: &Prepared) -> Vec
         }
     }
     let length = (WINDOW_S / flight.period_s).round().max(1.0) as usize;
-    let (times, starts) = (flight.row_times_s(1), flight.row_starts());
-    let ends = starts.iter().skip(1).copied().chain([rows]);
-    let pieces = starts.iter().zip(ends).flat_map(|(&start, end)| {
-        (start..end)
-            .step_by(length)
-            .map(|first| first..first + length)
-            .take_while(move |rows| rows.end <= end)
+    let times = flight.row_times_s(1);
+    let pieces = rows_of_stretches(flight).into_iter().flat_map(|of_stretch| {
+        let end = of_stretch.end;
+        of_stretch.step_by(length).map(|first| first..first + length).take_while(move |rows| rows.end <= end)
     });
     let sum = |of: &[f64], rows: &Range<usize>| of[rows.clone()].iter().sum::<f64>();
     let window = |rows: Range<usize>| {

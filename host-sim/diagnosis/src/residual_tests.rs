@@ -14,7 +14,7 @@ use crate::finding::Unexplained;
 use crate::held_out::Validated;
 use crate::not_logged::lack_position;
 use crate::reason::Dependence;
-use crate::significance::block_sums;
+use crate::significance::{block_sums, rows_of_stretches};
 use sysid::prepare::Prepared;
 use sysid::prepare::conditions::Condition;
 use sysid::statistics::Blocks;
@@ -228,11 +228,9 @@ fn for_each_past(
     let (measured, residual) = (&residuals.measured[axis.index()], &residuals.residual[axis.index()]);
     let predicted = |k: usize| measured[k] - residual[k];
     let step = (PAST_STEP_S / flight.period_s).round().max(1.0) as usize;
-    let starts = flight.row_starts();
     let mut past = DVector::zeros(PAST_STEPS);
-    for (index, &start) in starts.iter().enumerate() {
-        let end = starts.get(index + 1).copied().unwrap_or(residual.len());
-        for k in start + PAST_STEPS * step..end {
+    for rows in rows_of_stretches(flight) {
+        for k in rows.start + PAST_STEPS * step..rows.end {
             let now = predicted(k);
             past.iter_mut().enumerate().for_each(|(j, p)| *p = predicted(k - (j + 1) * step) - now);
             take(k, &past);

@@ -1,6 +1,8 @@
 //! Tests of coefficients and gains on flights, whose neighbouring samples are not independent: stretches of time as long as
 //! the window of the coefficients' covariance count instead.
 
+use std::ops::Range;
+
 use model::{Axis, Effect};
 use nalgebra::{DMatrix, DVector};
 use sysid::fit::least_squares::WINDOW_S;
@@ -70,9 +72,28 @@ pub(crate) fn block_sums(flight: &Prepared, values: &[f64]) -> Vec<f64> {
     statistics::block_sums(values, &flight.row_starts(), length)
 }
 
+/// The rows of each stretch of a flight.
+pub(crate) fn rows_of_stretches(flight: &Prepared) -> Vec<Range<usize>> {
+    let starts = flight.row_starts();
+    let ends = starts.iter().skip(1).copied().chain([flight.rows()]);
+    starts.iter().copied().zip(ends).map(|(start, end)| start..end).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::{ORDINARY, prepared, truth};
+
+    /// Two stretches of a flight that is held against itself: the rows of the one end where those of the other begin.
+    #[test]
+    fn rows_of_stretches_follow_each_other() {
+        let mut flight = prepared(&truth(), 30..31, 6.0, &ORDINARY).remove(0);
+        let rows = flight.rows();
+        assert_eq!(rows_of_stretches(&flight), std::slice::from_ref(&(0..rows)));
+        flight.stretches.push(flight.stretches[0].part(0..150));
+        let second = 150 - 2 * flight.margin;
+        assert_eq!(rows_of_stretches(&flight), [0..rows, rows..rows + second]);
+    }
 
     /// A ground effect's height offset only qualifies its strength: a large offset is no evidence, and it takes no degree of
     /// freedom. F(1, n - 1) is Student's t squared: 2.0930 is the 2.5 % point at 19 degrees of freedom.

@@ -5,12 +5,13 @@
 //! noise in them is `-w^2` times that in the place which drives the load. So where the noise is not white a short cable with a heavy
 //! load takes some of it away, above its swing, and pays below. A real load lowers the error at its swing.
 
-use std::f64::consts::TAU;
-
 use fourier::{Complex, Planner};
 use sysid::Residuals;
 use sysid::fit::slung_load::Carried;
 use sysid::prepare::Prepared;
+
+use crate::noise::hann;
+use crate::significance::rows_of_stretches;
 
 /// What belongs to a swing, in frequencies of the craft and the load against each other: half the width of its peak, damped by a tenth.
 const WITHIN: f64 = 1.1;
@@ -32,17 +33,15 @@ pub(crate) fn drop_percent(
     let mut planner = Planner::new();
     let (mut had, mut left) = (0.0, 0.0);
     for ((flight, before), after) in flights.iter().zip(before).zip(after) {
-        let starts = flight.row_starts();
-        let ends = starts.iter().skip(1).copied().chain([flight.rows()]);
-        for (start, end) in starts.iter().copied().zip(ends) {
-            let length_s = end.saturating_sub(start) as f64 * flight.period_s;
+        for rows in rows_of_stretches(flight) {
+            let length_s = rows.len() as f64 * flight.period_s;
             if length_s * up_to_hz < LEAST_SWINGS {
                 continue;
             }
             let highest = (up_to_hz * length_s).floor() as usize;
             for axis in 0..2 {
-                had += power(&mut planner, &before.residual[axis][start..end], highest);
-                left += power(&mut planner, &after.residual[axis][start..end], highest);
+                had += power(&mut planner, &before.residual[axis][rows.clone()], highest);
+                left += power(&mut planner, &after.residual[axis][rows.clone()], highest);
             }
         }
     }
@@ -52,15 +51,16 @@ pub(crate) fn drop_percent(
 /// Power of a signal up to a number of cycles in its length, through Hann's window.
 fn power(planner: &mut Planner, signal: &[f64], highest: usize) -> f64 {
     let n = signal.len();
-    let hann = |k: usize| 0.5 - 0.5 * (TAU * k as f64 / n as f64).cos();
     let mut values: Vec<Complex<f64>> =
-        signal.iter().enumerate().map(|(k, e)| Complex::new(hann(k) * e, 0.0)).collect();
+        signal.iter().enumerate().map(|(k, e)| Complex::new(hann(k, n) * e, 0.0)).collect();
     planner.forward(n).process(&mut values);
     values.iter().take(highest.min(n / 2) + 1).map(Complex::norm_sqr).sum::<f64>() / n as f64
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::TAU;
+
     use model::Effect;
     use sysid::fit::slung_load;
 

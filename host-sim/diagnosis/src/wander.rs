@@ -133,10 +133,9 @@ fn add(bands: &mut [Band; BANDS], flight: &Prepared, over_ground: &[[f64; 2]]) {
 
 /// Mean spectral density of two signals at so many cycles a sample, through Hann's window.
 fn power(signals: &[[f64; 2]], cycles: f64) -> f64 {
-    let n = signals.len() as f64;
     let (mut sums, mut weights) = ([[0.0; 2]; 2], 0.0);
     for (k, signal) in signals.iter().enumerate() {
-        let hann = 0.5 - 0.5 * (TAU * k as f64 / n).cos();
+        let hann = noise::hann(k, signals.len());
         weights += hann * hann;
         let (sine, cosine) = (TAU * cycles * k as f64).sin_cos();
         for (sum, value) in sums.iter_mut().zip(signal) {
