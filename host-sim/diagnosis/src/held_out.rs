@@ -13,6 +13,7 @@ use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, Swing};
 use crate::reason::Reason;
 use crate::significance::{effect_p_value, take_fall};
+use crate::slow_rows::in_slow_rows;
 use crate::swing_band;
 
 /// A model refitted on the training flights and its residuals on the held-out ones.
@@ -88,7 +89,12 @@ pub(crate) fn examine_along(
     finding.anchor = anchor_of(&finding, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
     take_gain(&mut finding, (axes, &with.fit.sigma), validate, (&without.held_out, &with.held_out));
-    (finding.supported, finding.reason) = weigh(&Evidence::missing(&finding, &with.fit.model));
+    let weighed = |finding: &EffectFinding| weigh(&Evidence::missing(finding, &with.fit.model));
+    (finding.supported, finding.reason) = weighed(&finding);
+    if finding.supported && axes.iter().any(|axis| !axis.is_force()) {
+        finding.in_slow_rows = in_slow_rows(&with.fit, effect, train);
+        (finding.supported, finding.reason) = weighed(&finding);
+    }
     finding
 }
 

@@ -39,6 +39,7 @@ mod screen;
 mod search;
 mod search_error;
 mod significance;
+mod slow_rows;
 mod stand_ins;
 pub mod subsets;
 mod swing_band;

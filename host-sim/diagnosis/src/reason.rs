@@ -183,6 +183,13 @@ pub enum Reason {
         /// Fall of the squared error up to there, percent.
         drop_percent: f64,
     },
+    /// Rows that leave out quick motion do not show it, and contradict those that have it.
+    NotInSlowMotion {
+        /// How much of it they show, percent of what all rows have.
+        part_percent: f64,
+        /// p-value of "it is as in all rows".
+        p_value: f64,
+    },
     /// It takes error from some axes and adds as much or more to another.
     HarmsAxis {
         /// The axis.
@@ -302,7 +309,8 @@ impl fmt::Display for Reason {
             | Self::NotBorneOut { .. }
             | Self::HarmsAxis { .. }
             | Self::TooFewSwings { .. }
-            | Self::QuickerThanItsSwing { .. } => self.write_of_flights(f),
+            | Self::QuickerThanItsSwing { .. }
+            | Self::NotInSlowMotion { .. } => self.write_of_flights(f),
             Self::OnlyLinearised
             | Self::NotFittedTogether(_)
             | Self::MakesWorse { .. }
@@ -358,6 +366,12 @@ impl Reason {
                 fixed(*up_to_hz, 2),
                 if *drop_percent > 0.0 { "falls only" } else { "rises" },
                 number::percent(rms_fall_percent(*drop_percent).abs())
+            ),
+            Self::NotInSlowMotion { part_percent, p_value } => write!(
+                f,
+                "only {} % of it shows at low frequency ({}); at higher frequencies, gyro noise fed back by the controller looks the same",
+                number::percent(part_percent.max(0.0)),
+                p_equation(*p_value)
             ),
             _ => Ok(()),
         }

@@ -2,7 +2,7 @@
 
 mod common;
 
-use common::{NONE, ORDINARY, fly, prepared, truth};
+use common::{FED_BACK, NONE, ORDINARY, fly, prepared, truth};
 use diagnosis::{Silent, Verdict, diagnose};
 use model::{Effect, Model};
 use sysid::{Prepared, Residuals, errors, fit, residuals};
@@ -208,6 +208,31 @@ fn a_tracker_whose_noise_wanders_is_no_load() {
         quicker += usize::from(load.reason.to_string().contains("noise of the tracker"));
     }
     assert!(quicker >= 3, "only {quicker} of 4 loads are refused for it");
+}
+
+/// Least squares takes what commands and moments have in common for rotors that answer late.
+#[test]
+fn noise_of_the_gyro_that_the_controller_answers_is_no_effect() {
+    let firsts = [50, 60, 70];
+    println!("seeds from {firsts:?}");
+    let world = truth();
+    let mut mistaken = 0;
+    for first in firsts {
+        let flights = prepared(&world, first..first + 5, 40.0, &FED_BACK);
+        let all = all(&flights);
+        let late: Vec<Effect> = basic().into_iter().chain([Effect::InputDelay]).collect();
+        let late = fit(&all[..3], &world.vehicle, &late, None).unwrap();
+        let dead_time = &late.model.term(Effect::InputDelay).unwrap().coefficients[0];
+        let errors = dead_time.value / dead_time.std_error.unwrap();
+        println!("{first}: {} s of dead time, {errors} standard errors", dead_time.value);
+        mistaken += usize::from(errors > 4.0 && dead_time.value > 0.002);
+        let base = fit(&all[..3], &world.vehicle, &basic(), None).unwrap();
+        let diagnosis = diagnose(&base.model, &all[..3], &all[3..], &Silent).unwrap();
+        let supported: Vec<Effect> =
+            diagnosis.effects.iter().filter(|e| e.supported).map(|e| e.effect).collect();
+        assert_eq!(supported, [], "seeds from {first}: {}", diagnosis.summary);
+    }
+    assert!(mistaken >= 2, "only {mistaken} of 3 sets of flights look as if their rotors answered late");
 }
 
 #[test]

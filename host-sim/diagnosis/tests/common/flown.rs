@@ -29,11 +29,16 @@ pub(crate) struct Noise {
     pub(crate) attitude_rad: f64,
     pub(crate) rate_rad_s: f64,
     pub(crate) battery_v: f64,
+    /// Whether the controller answers the gyro's noise. Then nothing else excites the motors.
+    pub(crate) is_fed_back: bool,
 }
 
 pub(crate) const ORDINARY: Noise =
-    Noise { position_m: 2.5e-4, attitude_rad: 7e-4, rate_rad_s: 0.012, battery_v: 0.015 };
-pub(crate) const NONE: Noise = Noise { position_m: 0.0, attitude_rad: 0.0, rate_rad_s: 0.0, battery_v: 0.0 };
+    Noise { position_m: 2.5e-4, attitude_rad: 7e-4, rate_rad_s: 0.012, battery_v: 0.015, is_fed_back: false };
+pub(crate) const NONE: Noise =
+    Noise { position_m: 0.0, attitude_rad: 0.0, rate_rad_s: 0.0, battery_v: 0.0, is_fed_back: false };
+/// A noisy gyro that the controller flies by, as all do.
+pub(crate) const FED_BACK: Noise = Noise { rate_rad_s: 0.02, is_fed_back: true, ..ORDINARY };
 
 /// Flies `model` for `seconds` through sines in all directions and yaw, every motor excited by itself.
 pub(crate) fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flight {
@@ -64,7 +69,11 @@ pub(crate) fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flig
         let dcm = model::frames::dcm_from_quaternion(&state.attitude);
         let error = dcm * (target - state.position_ned_m);
         let v = state.velocity_m_s;
-        let w = state.rate_rad_s;
+        let felt = match noise.is_fed_back {
+            true => Vector3::from_fn(|_, _| noise.rate_rad_s * gauss()),
+            false => Vector3::zeros(),
+        };
+        let w = state.rate_rad_s + felt;
         let clamp = |x: f64| x.clamp(-0.35, 0.35);
         let (roll_c, pitch_c) = (clamp(0.12 * error.y - 0.14 * v.y), clamp(-0.12 * error.x + 0.14 * v.x));
         let mut yaw_error = 0.8 * wave(3) - euler.z;
@@ -79,7 +88,8 @@ pub(crate) fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flig
             635.0 + 32.0 * lift.clamp(-3.0, 3.0) / 3.0 + 2.0 * r * roll + 2.0 * p * pitch + 12.0 * y * yaw
         });
         let command: [f64; 4] = std::array::from_fn(|i| {
-            let excitation = excite[i][0] * (excite[i][1] * t + excite[i][2]).sin();
+            let size = if noise.is_fed_back { 0.0 } else { excite[i][0] };
+            let excitation = size * (excite[i][1] * t + excite[i][2]).sin();
             (map.command_for(speeds[i], battery) + excitation).clamp(1050.0, 1990.0)
         });
         let lever = adjust.tracked_point_m();
@@ -90,7 +100,8 @@ pub(crate) fn fly(model: &Model, seed: u64, seconds: f64, noise: &Noise) -> Flig
         for i in 0..3 {
             row[1 + i] = tracked[i] + noise.position_m * gauss();
             row[4 + i] = attitude[i] + noise.attitude_rad * gauss();
-            row[7 + i] = w[i] + bias[i] + noise.rate_rad_s * gauss();
+            let unfelt = if noise.is_fed_back { 0.0 } else { noise.rate_rad_s * gauss() };
+            row[7 + i] = w[i] + bias[i] + unfelt;
         }
         row[10..14].copy_from_slice(&command);
         row[14] = battery + noise.battery_v * gauss();

@@ -8,7 +8,7 @@ use model::Model;
 use sysid::Prepared;
 
 #[allow(unused_imports, reason = "each test binary uses its own part")]
-pub(crate) use flown::{NONE, Noise, ORDINARY, fly, truth};
+pub(crate) use flown::{FED_BACK, NONE, Noise, ORDINARY, fly, truth};
 #[allow(unused_imports, reason = "each test binary uses its own part")]
 pub(crate) use shared::shared;
 

@@ -58,6 +58,14 @@ impl ForceTarget {
         }
     }
 
+    /// Windows of the filter on either side of a row: differentiating the position twice takes two.
+    const fn windows(self) -> usize {
+        match self {
+            ForceTarget::Position => 2,
+            ForceTarget::Imu | ForceTarget::Velocity => 1,
+        }
+    }
+
     /// For people.
     pub const fn name(self) -> &'static str {
         match self {
@@ -133,9 +141,7 @@ impl Prepared {
         let filter = RegressionFilter::new(period_s);
         let force_target = ForceTarget::of(flight);
         let has_logged_velocity = flight.group(VELOCITY).is_some();
-        // Differentiating the position twice takes two windows.
-        let windows = if force_target == ForceTarget::Position { 2 } else { 1 };
-        let margin = windows * filter.half();
+        let margin = force_target.windows() * filter.half();
         let mut notes = Vec::new();
         let mut channels = Channels::new(flight, force_target == ForceTarget::Imu, has_logged_velocity);
         channels.take_out_spikes(t, period_s);
@@ -182,6 +188,17 @@ impl Prepared {
             filter,
             margin,
         })
+    }
+
+    /// The same flight with rows through another window of the filter, s, which leaves out what is quicker. Stretches that it does not fit in are
+    /// left out; nothing where none is long enough.
+    pub fn through_window(&self, window_s: f64) -> Option<Self> {
+        let filter = RegressionFilter::with_window(self.period_s, window_s);
+        let margin = self.force_target.windows() * filter.half();
+        let shortest = 2 * margin + filter.smooth.len();
+        let is_long = |stretch: &&Stretch| stretch.time_s.len() >= shortest;
+        let stretches: Vec<Stretch> = self.stretches.iter().filter(is_long).cloned().collect();
+        (!stretches.is_empty()).then(|| Self { stretches, filter, margin, ..self.without_stretches() })
     }
 
     /// All but the samples.
@@ -361,6 +378,23 @@ mod tests {
         assert_eq!(position.margin, 2 * velocity.margin);
         assert_eq!(position.rows(), 500 - 2 * position.margin);
         assert_eq!(velocity.rows(), 500 - 2 * velocity.margin);
+    }
+
+    /// A window of 1 s reaches 50 samples to either side, twice for a position.
+    #[test]
+    fn another_window_leaves_out_what_it_does_not_fit_in() {
+        let mut flight = resting(800, &[]);
+        let mut t = flight.required(Column::T).to_vec();
+        t[500..].iter_mut().for_each(|t| *t += 0.5);
+        flight.replace(Column::T, t);
+        let prepared = prepared(&flight);
+        let slow = prepared.through_window(1.0).unwrap();
+        assert_eq!((slow.filter.smooth.len(), slow.margin), (101, 100));
+        assert_eq!((prepared.stretches.len(), slow.stretches.len()), (2, 1));
+        assert_eq!(slow.rows(), 500 - 2 * 100);
+        assert!(prepared.through_window(10.0).is_none());
+        let again = slow.through_window(RegressionFilter::WINDOW_S).unwrap();
+        assert_eq!((again.filter, again.margin), (prepared.filter, prepared.margin));
     }
 
     #[test]
