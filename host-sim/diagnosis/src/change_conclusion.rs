@@ -11,9 +11,10 @@ use crate::balance::Answer;
 use crate::change::Change;
 use crate::change_rivals::{Found, add_rotors_to};
 use crate::criteria::STRUCTURE_SIGNIFICANCE;
+use crate::dependence::Dependence;
 use crate::figures::rms_of;
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Since, Unexplained, Verdict};
-use crate::reason::{Dependence, Reason, joined};
+use crate::reason::{Reason, joined};
 use crate::unidentified::{recorded, verdicts_of_change};
 
 /// What the rows of every sample say.

@@ -13,9 +13,9 @@ use sysid::prepare::Prepared;
 use sysid::{Residuals, has_rotation, residuals, statistics};
 
 use crate::criteria::STRUCTURE_PERCENT;
+use crate::dependence::Dependence;
 use crate::finding::Unexplained;
 use crate::noise;
-use crate::reason::Dependence;
 use crate::residual_tests::structure_of;
 
 /// Length of a window, s: what lasts shorter is blurred by the filters anyway.

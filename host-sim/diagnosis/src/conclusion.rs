@@ -208,8 +208,8 @@ fn unaccounted(worst: &Unexplained) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dependence::Dependence;
     use crate::finding::AxisDrop;
-    use crate::reason::Dependence;
 
     /// Takes so many percent of the squared error of an axis.
     fn taking(effect: Effect, supported: bool, drops: &[(&'static str, f64)]) -> EffectFinding {

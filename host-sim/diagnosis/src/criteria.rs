@@ -419,8 +419,8 @@ pub(crate) fn takes_most(findings: &[EffectFinding]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dependence::Dependence;
     use crate::finding::AxisDrop;
-    use crate::reason::Dependence;
 
     /// A heavier craft with every rule just met.
     fn heavier() -> EffectFinding {

@@ -7,8 +7,9 @@ use model::{Axis, Coefficient, Effect, Model, NotIdentified, PerGroup};
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::dependence::Dependence;
 use crate::figures::rms_fall_percent;
-use crate::reason::{Dependence, Reason};
+use crate::reason::Reason;
 
 /// Errors of one axis without and with an effect, on the held-out flights.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, JsonSchema)]

@@ -21,7 +21,7 @@ use std::f64::consts::TAU;
 use fourier::Complex;
 use model::Model;
 
-use crate::reason::Dependence;
+use crate::dependence::Dependence;
 use sysid::Residuals;
 use sysid::prepare::{ForceTarget, Prepared, Stretch};
 

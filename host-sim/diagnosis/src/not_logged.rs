@@ -83,8 +83,8 @@ mod tests {
     use model::MotorMapKind;
 
     use super::*;
+    use crate::dependence::Dependence;
     use crate::finding::Unexplained;
-    use crate::reason::Dependence;
     use crate::testing::{NONE, prepared, truth};
 
     fn left(axis: Axis) -> Unexplained {

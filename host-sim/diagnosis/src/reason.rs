@@ -1,4 +1,4 @@
-//! Why an effect is supported or not, and what a residual depends on: figures, turned into words where they are shown.
+//! Why an effect is supported or not: figures, turned into words where they are shown.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -10,61 +10,8 @@ use serde::{Serialize, Serializer};
 use sysid::FitError;
 
 use crate::change::Change;
+use crate::dependence::Dependence;
 use crate::figures::{rms_fall_percent, rms_of};
-
-/// What the residual of an axis depends on.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Dependence {
-    /// Nothing measured: it is off by a constant.
-    Constant,
-    /// A measured quantity, by the name of its condition.
-    Quantity(&'static str),
-    /// What the axis was predicted to do shortly before.
-    Past,
-    /// Nothing measured: it oscillates.
-    Oscillation {
-        /// Frequency, Hz.
-        frequency_hz: f64,
-    },
-    /// Nothing measured: it changes slowly.
-    SlowChanges,
-    /// Nothing measured: it comes in bursts, beyond anything in the flights of the model.
-    Bursts,
-}
-
-impl Dependence {
-    /// What it says of a residual: "depends on the height".
-    pub(crate) fn predicate(self) -> String {
-        match self {
-            Self::Constant => format!("has a {self}"),
-            Self::Oscillation { .. } | Self::SlowChanges | Self::Bursts => format!("shows {self}"),
-            Self::Quantity(_) | Self::Past => format!("depends on the {self}"),
-        }
-    }
-
-    /// The name of the measured quantity, where it is one.
-    pub fn quantity(self) -> Option<&'static str> {
-        match self {
-            Self::Quantity(name) => Some(name),
-            _ => None,
-        }
-    }
-}
-
-impl fmt::Display for Dependence {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Constant => f.write_str("constant offset"),
-            Self::Quantity(name) => f.write_str(name),
-            Self::Past => f.write_str("accelerations of the last half second"),
-            Self::Oscillation { frequency_hz } => {
-                write!(f, "an oscillation at {} Hz", fixed(*frequency_hz, 2))
-            }
-            Self::SlowChanges => f.write_str("slow changes in time"),
-            Self::Bursts => f.write_str("bursts far above those of the model's own flights"),
-        }
-    }
-}
 
 /// Why an effect is supported, or why not.
 #[derive(Debug, Clone, PartialEq)]
@@ -471,22 +418,6 @@ const STAND_IN: &str = "probably a stand-in for another effect";
 /// Names in a row.
 pub(crate) fn joined<T: fmt::Display>(all: &[T], between: &str) -> String {
     all.iter().map(T::to_string).collect::<Vec<_>>().join(between)
-}
-
-impl Serialize for Dependence {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        serializer.collect_str(self)
-    }
-}
-
-impl JsonSchema for Dependence {
-    fn schema_name() -> Cow<'static, str> {
-        "Dependence".into()
-    }
-
-    fn json_schema(_: &mut SchemaGenerator) -> Schema {
-        json_schema!({ "type": "string", "description": "What a residual depends on, in words." })
-    }
 }
 
 impl Serialize for Reason {

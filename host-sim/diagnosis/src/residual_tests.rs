@@ -10,10 +10,10 @@ use model::{Axis, Model};
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
 
 use crate::criteria::{LATE_PERCENT, PAST_PERCENT, STRUCTURE_PERCENT, STRUCTURE_SIGNIFICANCE};
+use crate::dependence::Dependence;
 use crate::finding::Unexplained;
 use crate::held_out::Validated;
 use crate::not_logged::lack_position;
-use crate::reason::Dependence;
 use crate::significance::{block_sums, rows_of_stretches};
 use sysid::prepare::Prepared;
 use sysid::prepare::conditions::Condition;

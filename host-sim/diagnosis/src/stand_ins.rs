@@ -48,8 +48,9 @@ pub(crate) fn incomplete(before: &[Option<f64>; 6], after: &[Option<f64>; 6]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dependence::Dependence;
     use crate::finding::AxisDrop;
-    use crate::reason::{Dependence, Reason};
+    use crate::reason::Reason;
     use model::{Axis, Effect};
 
     fn taking(effect: Effect, drops: &[(&'static str, f64)]) -> EffectFinding {

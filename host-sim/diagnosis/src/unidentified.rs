@@ -253,7 +253,7 @@ mod tests {
     use sysid::residuals;
 
     use super::*;
-    use crate::reason::Dependence;
+    use crate::dependence::Dependence;
     use crate::testing::{NONE, ORDINARY, prepared, truth};
 
     fn found(model: &Model, flights: &[Prepared]) -> Vec<NotIdentified> {

@@ -13,9 +13,9 @@ use sysid::fit::slow::MEMORY_S;
 use sysid::prepare::{Prepared, Stretch};
 use sysid::statistics::squares_p_value;
 
+use crate::dependence::Dependence;
 use crate::finding::Unexplained;
 use crate::noise;
-use crate::reason::Dependence;
 
 /// Limits of the bands, Hz.
 const LIMITS_HZ: [f64; BANDS + 1] = [0.05, 0.15, 0.3, 0.5, 0.8, 1.3, 2.0];

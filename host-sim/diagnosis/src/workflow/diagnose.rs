@@ -6,12 +6,12 @@ use sysid::{FaultKind, Prepared, Residuals, errors, residuals};
 
 use crate::conclusion::conclude;
 use crate::criteria::{LEFT_BY_OWN_WINDS, LEFT_BY_OWN_WINDS_ALONE};
+use crate::dependence::Dependence;
 use crate::finding::{EffectFinding, supported};
 use crate::not_logged::not_told;
 use crate::observer::Observer;
 use crate::options::{SLOW_S, SLOWER_S};
 use crate::other_splits::or_by_other_splits;
-use crate::reason::Dependence;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::headings::warn_of_one_heading;
 use crate::workflow::loaded::names;

@@ -170,8 +170,9 @@ mod tests {
 
     use super::*;
     use crate::conclusion::conclude;
+    use crate::dependence::Dependence;
     use crate::finding::{CoefficientFigures, Unexplained};
-    use crate::reason::{Dependence, Reason};
+    use crate::reason::Reason;
     use crate::testing::{loaded, truth};
     use crate::workflow::Reading;
 
