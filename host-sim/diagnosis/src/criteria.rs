@@ -5,6 +5,7 @@
 
 use model::{Axis, Effect, Estimate, Model, Requirement};
 use sysid::fit::linearise::step_scale;
+use sysid::fit::low_frequency::CONTRADICTION;
 use sysid::fit::pieces;
 
 use crate::change::Change;
@@ -33,10 +34,8 @@ pub(crate) const RISE_PERCENT: f64 = 5.0;
 const HARM_PERCENT: f64 = 33.0;
 /// Fewest swings of a load over one stretch of a flight: the free beginning of one or two follows any slow drift of a tracker or a trim.
 const SWINGS: f64 = 3.0;
-/// Part of an effect that slow rows must show at least: what is physics is all there, within its errors.
-const IN_SLOW_ROWS: f64 = 0.5;
-/// p-value under which slow rows contradict all rows.
-const SAME_IN_SLOW_ROWS: f64 = 0.01;
+/// Part of an effect that rows at low frequency must show at least: what is physics is all there, within its errors.
+const AT_LOW_FREQUENCY: f64 = 0.5;
 /// How far under the floor a cable may end, m: the floor of a log need not be exactly at zero.
 const DEEPEST_M: f64 = 1.0;
 /// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.
@@ -241,11 +240,11 @@ pub(crate) const RULES: &[Rule] = &[
         unit: "",
         at_most: false,
         figures: |e| {
-            let slow = e.finding.in_slow_rows.filter(|slow| slow.part < IN_SLOW_ROWS)?;
-            Some((slow.same_p_value, SAME_IN_SLOW_ROWS))
+            let low = e.finding.at_low_frequency.filter(|low| low.part < AT_LOW_FREQUENCY)?;
+            Some((low.same_p_value, CONTRADICTION))
         },
-        objection: |e, p_value, _| Reason::NotInSlowMotion {
-            part_percent: e.finding.in_slow_rows.map_or(0.0, |slow| 100.0 * slow.part),
+        objection: |e, p_value, _| Reason::NotAtLowFrequency {
+            part_percent: e.finding.at_low_frequency.map_or(0.0, |low| 100.0 * low.part),
             p_value,
         },
     },

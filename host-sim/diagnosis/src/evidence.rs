@@ -403,8 +403,8 @@ mod tests {
             up_to_hz: 0.8,
             drop_percent: Some(pick(10.0, -20.0)),
         });
-        finding.in_slow_rows =
-            Some(crate::finding::InSlowRows { part: pick(1.0, 0.2), same_p_value: pick(0.1, 0.001) });
+        finding.at_low_frequency =
+            Some(crate::finding::AtLowFrequency { part: pick(1.0, 0.2), same_p_value: pick(0.1, 0.001) });
         for axis in effect.info().axes {
             finding.axes.insert(axis.name(), AxisDrop::new(100.0, 100.0 - pick(6.0, 0.5)));
         }

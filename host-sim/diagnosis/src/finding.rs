@@ -78,9 +78,9 @@ pub(crate) struct Swing {
     pub(crate) drop_percent: Option<f64>,
 }
 
-/// What rows that leave out quick motion say of an effect.
+/// What rows at low frequency say of an effect.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct InSlowRows {
+pub(crate) struct AtLowFrequency {
     /// How much of it there is, as a part of what all rows have.
     pub(crate) part: f64,
     /// p-value of "its coefficients are those of all rows".
@@ -126,9 +126,9 @@ pub struct EffectFinding {
     /// How a slung load swings.
     #[serde(skip)]
     pub(crate) swing: Option<Swing>,
-    /// What slow rows say of it, for an effect that moments show and all other rules support.
+    /// What rows at low frequency say of it, for an effect that moments show and all other rules support.
     #[serde(skip)]
-    pub(crate) in_slow_rows: Option<InSlowRows>,
+    pub(crate) at_low_frequency: Option<AtLowFrequency>,
     /// Where the cable ends that it would be.
     #[serde(skip)]
     pub(crate) anchor: Option<Anchor>,
@@ -159,7 +159,7 @@ impl EffectFinding {
             rise: None,
             harm_percent: 0.0,
             swing: None,
-            in_slow_rows: None,
+            at_low_frequency: None,
             anchor: None,
             gain_of: [0.0; 6],
             motor: None,

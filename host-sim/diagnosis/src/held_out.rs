@@ -11,9 +11,9 @@ use sysid::{Fit, FitError, Residuals, errors, has_rotation, residuals};
 use crate::anchor::anchor_of;
 use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, Swing};
+use crate::low_frequency::at_low_frequency;
 use crate::reason::Reason;
 use crate::significance::{effect_p_value, take_fall};
-use crate::slow_rows::in_slow_rows;
 use crate::swing_band;
 
 /// A model refitted on the training flights and its residuals on the held-out ones.
@@ -92,7 +92,7 @@ pub(crate) fn examine_along(
     let weighed = |finding: &EffectFinding| weigh(&Evidence::missing(finding, &with.fit.model));
     (finding.supported, finding.reason) = weighed(&finding);
     if finding.supported && axes.iter().any(|axis| !axis.is_force()) {
-        finding.in_slow_rows = in_slow_rows(&with.fit, effect, train);
+        finding.at_low_frequency = at_low_frequency(&with.fit, effect, train);
         (finding.supported, finding.reason) = weighed(&finding);
     }
     finding

@@ -130,8 +130,8 @@ pub enum Reason {
         /// Fall of the squared error up to there, percent.
         drop_percent: f64,
     },
-    /// Rows that leave out quick motion do not show it, and contradict those that have it.
-    NotInSlowMotion {
+    /// Rows at low frequency do not show it, and contradict those that have it.
+    NotAtLowFrequency {
         /// How much of it they show, percent of what all rows have.
         part_percent: f64,
         /// p-value of "it is as in all rows".
@@ -257,7 +257,7 @@ impl fmt::Display for Reason {
             | Self::HarmsAxis { .. }
             | Self::TooFewSwings { .. }
             | Self::QuickerThanItsSwing { .. }
-            | Self::NotInSlowMotion { .. } => self.write_of_flights(f),
+            | Self::NotAtLowFrequency { .. } => self.write_of_flights(f),
             Self::OnlyLinearised
             | Self::NotFittedTogether(_)
             | Self::MakesWorse { .. }
@@ -314,7 +314,7 @@ impl Reason {
                 if *drop_percent > 0.0 { "falls only" } else { "rises" },
                 number::percent(rms_fall_percent(*drop_percent).abs())
             ),
-            Self::NotInSlowMotion { part_percent, p_value } => write!(
+            Self::NotAtLowFrequency { part_percent, p_value } => write!(
                 f,
                 "only {} % of it shows at low frequency ({}); at higher frequencies, gyro noise fed back by the controller looks the same",
                 number::percent(part_percent.max(0.0)),

@@ -12,13 +12,17 @@ use sysid::{Fit, Residuals};
 
 /// p-value of the hypothesis that all coefficients of `effect` are zero.
 pub(crate) fn effect_p_value(fit: &Fit, effect: Effect, train: &[&Prepared]) -> f64 {
-    let first: usize =
-        fit.model.terms.iter().take_while(|t| t.effect != effect).map(|t| t.coefficients.len()).sum();
-    let values: Vec<f64> =
-        fit.model.term(effect).map_or_else(Vec::new, |t| t.coefficients.iter().map(|c| c.value).collect());
-    let count = values.len();
-    let covariance = fit.covariance.view((first, first), (count, count)).into_owned();
+    let (values, covariance) = estimates(fit, effect);
     zero_p_value(&values, &covariance, effect.info().coefficients, independent_stretches(train))
+}
+
+/// The coefficients of an effect, and their covariance.
+pub(crate) fn estimates(fit: &Fit, effect: Effect) -> (Vec<f64>, DMatrix<f64>) {
+    let before = fit.model.terms.iter().take_while(|term| term.effect != effect);
+    let first: usize = before.map(|term| term.coefficients.len()).sum();
+    let values = fit.model.term(effect).map_or_else(Vec::new, model::Term::values);
+    let count = values.len();
+    (values, fit.covariance.view((first, first), (count, count)).into_owned())
 }
 
 /// p-value of the hypothesis that all `coefficients` are zero: Wald's statistic against the F distribution.

@@ -53,6 +53,11 @@ impl RegressionFilter {
         smooth
     }
 
+    /// Fewest samples that give as many rows as the filter has taps, where `margin` of them have none at either end.
+    pub(crate) fn shortest_stretch(&self, margin: usize) -> usize {
+        2 * margin + self.smooth.len()
+    }
+
     /// Samples on either side of the center.
     pub fn half(&self) -> usize {
         self.smooth.len() / 2

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use crate::Prepared;
 
-pub(crate) use flown::{NONE, ORDINARY, fly, truth};
+pub(crate) use flown::{FED_BACK, NONE, ORDINARY, fly, truth};
 
 /// A sample of a flight at 100 Hz. To begin with the craft hovers at the origin.
 #[derive(Debug, Clone)]

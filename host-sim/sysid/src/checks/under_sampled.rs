@@ -107,7 +107,7 @@ pub fn of_flights(thinnings: &[Option<Thinning>]) -> Option<String> {
 }
 
 /// Variance of the noise of a signal, from differences so quick that a craft has no part in them.
-fn noise_variance(signal: &[f64]) -> f64 {
+pub(super) fn noise_variance(signal: &[f64]) -> f64 {
     let mut fifth: Vec<f64> =
         signal.windows(6).map(|w| (w[5] - w[0] - 5.0 * (w[4] - w[1]) + 10.0 * (w[3] - w[2])).abs()).collect();
     // The squares of 1 5 10 10 5 1 add up to 252; the median of |x| is 0.6745 of a normal deviation.

@@ -30,6 +30,7 @@ use crate::fit::gauss_newton::{self, Linearised, Problem, Rule};
 use crate::fit::least_squares::RowColumn;
 use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
 use crate::fit::linearise::{About, residuals_at_rows};
+use crate::fit::low_frequency::{at_low_frequency, unless_contradicted};
 use crate::fit::parameters::{step_end, store};
 use crate::fit::rotation::has_rotation;
 use crate::fit::swing::Known;
@@ -84,15 +85,38 @@ pub fn align(flights: &mut [&mut Prepared], model: &Model) -> Option<Model> {
     let measured = flights.iter().all(|f| f.has_rotor_speeds());
     let mut along = linear.clone();
     along.extend(fitted_beside(measured).filter(|e| !linear.contains(e)));
-    let found =
-        offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear));
-    let Ok((offsets, fitted)) = found else {
+    let found = |flights: &mut [&mut Prepared]| {
+        offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear))
+    };
+    let all = found(flights);
+    let low: Option<Vec<Prepared>> = flights.iter().map(|flight| of_commands(flight)).collect();
+    let low = low.map(|mut low| found(&mut low.iter_mut().collect::<Vec<_>>()));
+    let Ok((offsets, fitted)) =
+        unless_contradicted(all, low, |(all, _), (low, _)| zip_with(all, low, Offset::difference))
+    else {
         leave_alone(flights);
         return None;
     };
     decide(flights, &offsets, Reference::Flights);
     flights.iter_mut().for_each(|flight| name_wandering(flight, &fitted));
     (!measured).then_some(fitted)
+}
+
+/// The rows at low frequency of a flight whose commands were logged: in all rows, a controller that answers the noise of its gyro looks like a
+/// delay of another size in every flight.
+fn of_commands(flight: &Prepared) -> Option<Prepared> {
+    (!flight.has_rotor_speeds()).then(|| at_low_frequency(flight)).flatten()
+}
+
+fn zip_with<T, U>(all: &[T], low: &[T], with: impl Fn(&T, &T) -> U) -> Vec<U> {
+    all.iter().zip(low).map(|(all, low)| with(all, low)).collect()
+}
+
+/// The offset of a flight under a model's coefficients.
+fn offset_of(flight: &Prepared, model: &Model) -> Result<Offset, Unidentifiable> {
+    let of = |mut flight: Prepared| offset_alone(&mut flight, model);
+    let low = of_commands(flight).map(of);
+    unless_contradicted(of(flight.clone()), low, |all, low| vec![all.difference(low)])
 }
 
 /// Without rotation there is nothing sharp to see an offset by.
@@ -105,8 +129,7 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
     if !has_rotation(model) {
         return leave_alone(flights);
     }
-    let offsets: Vec<Option<Offset>> =
-        flights.iter_mut().map(|flight| offset_alone(flight, model).ok()).collect();
+    let offsets: Vec<Option<Offset>> = flights.iter().map(|flight| offset_of(flight, model).ok()).collect();
     let found: Vec<Offset> = offsets.iter().map(|o| o.unwrap_or(Offset::UNKNOWN)).collect();
     decide(flights, &found, reference);
     flights.iter_mut().for_each(|flight| name_wandering(flight, model));
@@ -114,7 +137,9 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
 
 /// Compares the offsets of the pieces of a flight under a model's coefficients and notes them if the clock wanders.
 pub fn name_wandering(flight: &mut Prepared, model: &Model) {
-    let pieces = piece_offsets(flight, model).unwrap_or_default();
+    let low = of_commands(flight).map(|low| piece_offsets(&low, model));
+    let differences = |all: &Vec<_>, low: &Vec<_>| zip_with(all, low, difference_of_pieces);
+    let pieces = unless_contradicted(piece_offsets(flight, model), low, differences).unwrap_or_default();
     let period_s = flight.period_s;
     let Some(alignment) = &mut flight.alignment else { return };
     let weight: f64 = pieces.iter().map(|p| p.std_error_s.powi(-2)).sum();
@@ -129,6 +154,11 @@ pub fn name_wandering(flight: &mut Prepared, model: &Model) {
     if pieces.len() >= FEWEST_PIECES && beyond_errors && scatter > WANDERING_SAMPLES * period_s {
         alignment.wandering = pieces;
     }
+}
+
+/// What the offset of a piece differs by from another, s, and the variance of that, s^2.
+fn difference_of_pieces(one: &PieceOffset, other: &PieceOffset) -> (f64, f64) {
+    (other.late_s - one.late_s, one.std_error_s.powi(2) + other.std_error_s.powi(2))
 }
 
 /// Offset of each piece of a flight; pieces in which nothing shows it are left out.
@@ -170,9 +200,7 @@ pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
     let commanded = flights.iter().filter(|f| !f.has_rotor_speeds());
     let mut found: Vec<f64> = commanded
         .filter_map(|flight| {
-            let mut own = (*flight).clone();
-            let corrected = own.rotor_late_s();
-            offset_alone(&mut own, model).ok().map(|o| o.late_s - corrected)
+            offset_of(flight, model).ok().map(|offset| offset.late_s - flight.rotor_late_s())
         })
         .collect();
     median(&mut found)
@@ -189,6 +217,11 @@ struct Offset {
 impl Offset {
     /// Before anything was found.
     const UNKNOWN: Self = Self { late_s: 0.0, variance_s2: f64::INFINITY, shared_s2: 0.0 };
+
+    /// What it differs by from another, s, and the variance of that, s^2.
+    fn difference(&self, other: &Self) -> (f64, f64) {
+        (other.late_s - self.late_s, self.variance_s2 + other.variance_s2)
+    }
 
     /// Variance of what is the flight's own. One that is much sharper than the others shares more with them than it has.
     fn own_variance_s2(&self) -> f64 {
@@ -469,7 +502,7 @@ mod tests {
     use flights::{Column, Flight};
 
     use super::*;
-    use crate::testing::{NONE, fly, truth};
+    use crate::testing::{FED_BACK, NONE, fly, truth};
 
     const OMEGAS: [Column; 4] = [Column::Omega1, Column::Omega2, Column::Omega3, Column::Omega4];
 
@@ -512,6 +545,31 @@ mod tests {
             assert!((found.late_s - expected_s).abs() < 0.002, "{late} rows: {} s", found.late_s);
             assert_eq!(found.corrected, late > 0);
             assert!(found.wandering.is_empty());
+        }
+    }
+
+    /// A controller that answers the noise of its gyro makes delays of another size in each flight, which are no clock's. A log of commands that
+    /// does begin two samples late is seen through them.
+    #[test]
+    fn commands_that_answer_the_noise_of_the_gyro_are_as_late_as_their_log() {
+        println!("seeds 50 to 55");
+        let mut flights: Vec<Flight> = (50..56).map(|seed| fly(&truth(), seed, 40.0, &FED_BACK)).collect();
+        for column in [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4] {
+            let mut commands = flights[5].required(column).to_vec();
+            commands.rotate_right(2);
+            (0..2).for_each(|k| commands[k] = commands[2]);
+            flights[5].replace(column, commands);
+        }
+        let mut flights: Vec<Prepared> = flights.iter().map(prepared).collect();
+        let mut all: Vec<&mut Prepared> = flights.iter_mut().collect();
+        let in_all_rows = offsets_together(&mut all, &truth(), &truth().effects()).unwrap().0;
+        let is_early = |offset: &Offset| offset.late_s < -3.0 * offset.variance_s2.sqrt();
+        assert!(in_all_rows[..5].iter().all(is_early), "{in_all_rows:?}");
+        align(&mut all, &truth());
+        for (flight, late_s) in flights.iter().zip([0.0, 0.0, 0.0, 0.0, 0.0, 0.02]) {
+            let alignment = flight.alignment.as_ref().unwrap();
+            assert!((alignment.late_s - late_s).abs() < 0.0025, "{}: {alignment:?}", flight.name);
+            assert_eq!(alignment.corrected, late_s > 0.0, "{}: {alignment:?}", flight.name);
         }
     }
 

@@ -16,6 +16,7 @@ mod jackknife;
 pub mod least_squares;
 pub mod linearise;
 mod load_shapes;
+pub mod low_frequency;
 pub mod motor_response;
 mod nonlinear;
 pub mod open_loop;

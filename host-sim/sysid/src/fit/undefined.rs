@@ -23,7 +23,7 @@ impl Prepared {
             return Ok(());
         }
         let plant = Plant::new(model);
-        let shortest = 2 * self.margin + self.filter.smooth.len();
+        let shortest = self.filter.shortest_stretch(self.margin);
         let before = self.rows();
         let mut whole = Vec::new();
         let mut kept = Vec::new();

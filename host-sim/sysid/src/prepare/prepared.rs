@@ -195,7 +195,7 @@ impl Prepared {
     pub fn through_window(&self, window_s: f64) -> Option<Self> {
         let filter = RegressionFilter::with_window(self.period_s, window_s);
         let margin = self.force_target.windows() * filter.half();
-        let shortest = 2 * margin + filter.smooth.len();
+        let shortest = filter.shortest_stretch(margin);
         let is_long = |stretch: &&Stretch| stretch.time_s.len() >= shortest;
         let stretches: Vec<Stretch> = self.stretches.iter().filter(is_long).cloned().collect();
         (!stretches.is_empty()).then(|| Self { stretches, filter, margin, ..self.without_stretches() })
@@ -288,7 +288,7 @@ fn even_stretches(
     margin: usize,
     notes: &mut Vec<String>,
 ) -> Result<(Vec<Stretch>, f64), PrepareError> {
-    let shortest = 2 * margin + filter.smooth.len();
+    let shortest = filter.shortest_stretch(margin);
     let measured = channels.measured();
     let bridged = bridge(t, &mut channels.columns, period_s);
     if bridged > 0 {
@@ -353,6 +353,15 @@ mod tests {
         Flight::from_columns("resting", std::iter::once((T, t)).chain(others))
     }
 
+    /// The same, of which half a second is missing after 500 samples.
+    fn resting_with_gap(count: usize) -> Flight {
+        let mut flight = resting(count, &[]);
+        let mut t = flight.required(Column::T).to_vec();
+        t[500..].iter_mut().for_each(|t| *t += 0.5);
+        flight.replace(Column::T, t);
+        flight
+    }
+
     fn prepared(flight: &Flight) -> Prepared {
         Prepared::new(flight, &Vehicle::thesis()).unwrap()
     }
@@ -383,11 +392,7 @@ mod tests {
     /// A window of 1 s reaches 50 samples to either side, twice for a position.
     #[test]
     fn another_window_leaves_out_what_it_does_not_fit_in() {
-        let mut flight = resting(800, &[]);
-        let mut t = flight.required(Column::T).to_vec();
-        t[500..].iter_mut().for_each(|t| *t += 0.5);
-        flight.replace(Column::T, t);
-        let prepared = prepared(&flight);
+        let prepared = prepared(&resting_with_gap(800));
         let slow = prepared.through_window(1.0).unwrap();
         assert_eq!((slow.filter.smooth.len(), slow.margin), (101, 100));
         assert_eq!((prepared.stretches.len(), slow.stretches.len()), (2, 1));
@@ -399,21 +404,14 @@ mod tests {
 
     #[test]
     fn a_gap_in_time_begins_a_new_stretch() {
-        let mut flight = resting(800, &[]);
-        let mut t = flight.required(Column::T).to_vec();
-        t[500..].iter_mut().for_each(|t| *t += 0.5);
-        flight.replace(Column::T, t);
-        let lengths: Vec<usize> = prepared(&flight).stretches.iter().map(|s| s.time_s.len()).collect();
+        let lengths: Vec<usize> =
+            prepared(&resting_with_gap(800)).stretches.iter().map(|s| s.time_s.len()).collect();
         assert_eq!(lengths, [500, 300]);
     }
 
     #[test]
     fn a_stretch_that_gives_no_row_is_left_out_and_noted() {
-        let mut flight = resting(520, &[]);
-        let mut t = flight.required(Column::T).to_vec();
-        t[500..].iter_mut().for_each(|t| *t += 0.5);
-        flight.replace(Column::T, t);
-        let prepared = prepared(&flight);
+        let prepared = prepared(&resting_with_gap(520));
         assert_eq!(prepared.stretches.len(), 1);
         assert!(prepared.notes.iter().any(|note| note.starts_with("20 samples in stretches under ")));
     }

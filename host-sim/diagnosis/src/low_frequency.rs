@@ -1,0 +1,52 @@
+//! Is an effect there at low frequency as well?
+//!
+//! Above some hertz a controller's answer to the noise of its gyro passes for physics ([`sysid::fit::low_frequency`]). What is physics has the
+//! same coefficients at low frequency.
+
+use model::Effect;
+use nalgebra::{DMatrix, DVector};
+use sysid::Fit;
+use sysid::fit::low_frequency::WINDOW_S;
+use sysid::prepare::Prepared;
+
+use crate::finding::AtLowFrequency;
+use crate::significance::{estimates, independent_stretches, zero_p_value};
+
+/// What rows at low frequency of the training flights say of an effect that a fit to all rows has; nothing where they do not determine
+/// the model.
+pub(crate) fn at_low_frequency(fit: &Fit, effect: Effect, train: &[&Prepared]) -> Option<AtLowFrequency> {
+    let low: Vec<Prepared> = train.iter().filter_map(|flight| flight.through_window(WINDOW_S)).collect();
+    let low: Vec<&Prepared> = low.iter().collect();
+    let again = sysid::fit(&low, &fit.model.vehicle, &fit.model.effects(), Some(&fit.model)).ok()?;
+    let [(all, errors), (lows, low_errors)] = [fit, &again].map(|fit| estimates(fit, effect));
+    let differences: Vec<f64> = all.iter().zip(&lows).map(|(a, b)| a - b).collect();
+    let covariance = errors + low_errors;
+    let coefficients = effect.info().coefficients;
+    Some(AtLowFrequency {
+        part: part(&all, &lows, &covariance)?,
+        same_p_value: zero_p_value(&differences, &covariance, coefficients, independent_stretches(&low)),
+    })
+}
+
+/// How much of the coefficients of all rows there is in those at low frequency: 1 where they are the same.
+fn part(all: &[f64], low: &[f64], covariance: &DMatrix<f64>) -> Option<f64> {
+    let [all, low] = [all, low].map(DVector::from_column_slice);
+    let weighed = covariance.clone().cholesky()?.solve(&all);
+    Some(weighed.dot(&low) / weighed.dot(&all))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The parts of two coefficients count by what is known of each: 0.2 of the one and all of the other, which is four times as well known.
+    #[test]
+    fn a_part_is_that_of_the_coefficients_that_are_known_best() {
+        let covariance = DMatrix::from_diagonal(&DVector::from_column_slice(&[4.0, 1.0]));
+        let of = |all: &[f64], low: &[f64]| part(all, low, &covariance).unwrap();
+        assert!((of(&[3.0, 0.0], &[3.0, 0.0]) - 1.0).abs() < 1e-12);
+        assert!((of(&[3.0, -2.0], &[0.0, 0.0])).abs() < 1e-12);
+        assert!((of(&[1.0, 1.0], &[0.2, 1.0]) - (0.25 * 0.2 + 1.0) / 1.25).abs() < 1e-12);
+        assert!(part(&[1.0, 1.0], &[1.0, 1.0], &DMatrix::zeros(2, 2)).is_none());
+    }
+}
