@@ -5,7 +5,6 @@
 
 use model::{Axis, Effect, Estimate, Model, Requirement};
 use sysid::fit::linearise::step_scale;
-use sysid::fit::low_frequency::CONTRADICTION;
 use sysid::fit::pieces;
 
 use crate::change::Change;
@@ -36,6 +35,8 @@ const HARM_PERCENT: f64 = 33.0;
 const SWINGS: f64 = 3.0;
 /// Part of an effect that rows at low frequency must show at least: what is physics is all there, within its errors.
 const AT_LOW_FREQUENCY: f64 = 0.5;
+/// p-value under which rows at low frequency contradict all rows.
+const CONTRADICTION: f64 = 0.01;
 /// How far under the floor a cable may end, m: the floor of a log need not be exactly at zero.
 const DEEPEST_M: f64 = 1.0;
 /// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.

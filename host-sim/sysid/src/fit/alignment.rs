@@ -86,12 +86,12 @@ pub fn align(flights: &mut [&mut Prepared], model: &Model) -> Option<Model> {
     let mut along = linear.clone();
     along.extend(fitted_beside(measured).filter(|e| !linear.contains(e)));
     let found = |flights: &mut [&mut Prepared]| {
-        offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear))
+        offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear)).ok()
     };
     let all = found(flights);
     let low: Option<Vec<Prepared>> = flights.iter().map(|flight| of_commands(flight)).collect();
-    let low = low.map(|mut low| found(&mut low.iter_mut().collect::<Vec<_>>()));
-    let Ok((offsets, fitted)) =
+    let low = low.and_then(|mut low| found(&mut low.iter_mut().collect::<Vec<_>>()));
+    let Some((offsets, fitted)) =
         unless_contradicted(all, low, |(all, _), (low, _)| zip_with(all, low, Offset::difference))
     else {
         leave_alone(flights);
@@ -113,9 +113,9 @@ fn zip_with<T, U>(all: &[T], low: &[T], with: impl Fn(&T, &T) -> U) -> Vec<U> {
 }
 
 /// The offset of a flight under a model's coefficients.
-fn offset_of(flight: &Prepared, model: &Model) -> Result<Offset, Unidentifiable> {
-    let of = |mut flight: Prepared| offset_alone(&mut flight, model);
-    let low = of_commands(flight).map(of);
+fn offset_of(flight: &Prepared, model: &Model) -> Option<Offset> {
+    let of = |mut flight: Prepared| offset_alone(&mut flight, model).ok();
+    let low = of_commands(flight).and_then(of);
     unless_contradicted(of(flight.clone()), low, |all, low| vec![all.difference(low)])
 }
 
@@ -129,7 +129,7 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
     if !has_rotation(model) {
         return leave_alone(flights);
     }
-    let offsets: Vec<Option<Offset>> = flights.iter().map(|flight| offset_of(flight, model).ok()).collect();
+    let offsets: Vec<Option<Offset>> = flights.iter().map(|flight| offset_of(flight, model)).collect();
     let found: Vec<Offset> = offsets.iter().map(|o| o.unwrap_or(Offset::UNKNOWN)).collect();
     decide(flights, &found, reference);
     flights.iter_mut().for_each(|flight| name_wandering(flight, model));
@@ -137,9 +137,10 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
 
 /// Compares the offsets of the pieces of a flight under a model's coefficients and notes them if the clock wanders.
 pub fn name_wandering(flight: &mut Prepared, model: &Model) {
-    let low = of_commands(flight).map(|low| piece_offsets(&low, model));
+    let of = |flight: &Prepared| piece_offsets(flight, model).ok();
+    let low = of_commands(flight).and_then(|low| of(&low));
     let differences = |all: &Vec<_>, low: &Vec<_>| zip_with(all, low, difference_of_pieces);
-    let pieces = unless_contradicted(piece_offsets(flight, model), low, differences).unwrap_or_default();
+    let pieces = unless_contradicted(of(flight), low, differences).unwrap_or_default();
     let period_s = flight.period_s;
     let Some(alignment) = &mut flight.alignment else { return };
     let weight: f64 = pieces.iter().map(|p| p.std_error_s.powi(-2)).sum();
@@ -199,9 +200,7 @@ pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
     }
     let commanded = flights.iter().filter(|f| !f.has_rotor_speeds());
     let mut found: Vec<f64> = commanded
-        .filter_map(|flight| {
-            offset_of(flight, model).ok().map(|offset| offset.late_s - flight.rotor_late_s())
-        })
+        .filter_map(|flight| Some(offset_of(flight, model)?.late_s - flight.rotor_late_s()))
         .collect();
     median(&mut found)
 }
