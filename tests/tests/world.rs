@@ -351,6 +351,31 @@ fn sensors_are_as_noisy_as_they_say() {
 }
 
 #[test]
+fn a_pilot_who_flies_by_the_gyro_answers_its_noise_a_tick_later() {
+    let hovering = |noise: f64, are_flown_by| {
+        let sensors = Sensors { are_flown_by, ..Sensors::noisy(noise) };
+        World::new(Size::F330, 30).fly(Pattern::Hover, 20.0, &sensors, 0).unwrap()
+    };
+    let roll = |flight: &Flight| -> Vec<f64> {
+        let of = |which: [Column; 4], k: usize| which.map(|c| column(flight, c)[k]);
+        let commands = [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4];
+        (0..flight.len()).map(|k| of(commands, k)).map(|[a, b, c, d]| a - b - c + d).collect()
+    };
+    assert_eq!(
+        roll(&hovering(0.0, true)),
+        roll(&hovering(0.0, false)),
+        "without noise there is nothing to answer"
+    );
+    assert_eq!(roll(&hovering(1.0, false)), roll(&hovering(0.0, false)));
+    let noisy = hovering(1.0, true);
+    let quick = |values: &[f64]| values.windows(2).map(|w| w[1] - w[0]).collect::<Vec<f64>>();
+    let (answer, noise) = (quick(&roll(&noisy)), quick(column(&noisy, Column::P)));
+    let product: f64 = answer[1..].iter().zip(&noise).map(|(a, n)| a * n).sum();
+    let alike = product / (noise.len() as f64 * spread(&answer) * spread(&noise));
+    assert!(alike < -0.9, "{alike}");
+}
+
+#[test]
 fn coloured_noise_has_its_colour() {
     let silent = flown(&Sensors::noisy(0.0));
     let neighbours = |colour_s| {

@@ -7,11 +7,12 @@
 
 use std::ops::ControlFlow;
 
-use model::{Coefficient, Effect, Model, Plant, State};
-use nalgebra::{DMatrix, DVector, Vector3};
+use model::{Coefficient, Effect, Model};
+use nalgebra::{DMatrix, DVector};
 
 use crate::change::Change;
 use crate::significance::independent_stretches;
+use crate::tracker_tilt::sideways_at_rest_m_s2;
 use sysid::fit::gauss_newton::{self, Linearised, Problem, Rule};
 use sysid::fit::least_squares::{FlightRows, Prior, RowColumn, Solution, Unidentifiable};
 use sysid::fit::linearise::About;
@@ -166,11 +167,7 @@ fn law_error(model: &Model, change: Change) -> f64 {
     let drag = |part: f64| {
         let mut model = model.clone();
         model.set(change.effect, &wind.iter().map(|w| part * w).collect::<Vec<_>>());
-        let plant = Plant::new(&model);
-        let input =
-            plant.input(&State::at_rest(Vector3::zeros(), [0.0; 4]), &[0.0; 4], model.reference.battery_v);
-        let [u, v, ..] = plant.accelerations(&plant.sample_of(&input));
-        u.hypot(v)
+        sideways_at_rest_m_s2(&model).norm()
     };
     let (whole, half) = (drag(1.0), drag(0.5));
     let beyond_linear = if whole > 0.0 { (2.0 * (whole - 2.0 * half) / whole).clamp(0.0, 1.0) } else { 0.0 };

@@ -189,7 +189,7 @@ fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
         "The model lacks {}. {} With it, the held-out {} falls by {} % ({improved} of {flights} flights, {}).\
          {also}",
         best.effect,
-        best.effect.info().sentence,
+        best.sentence(),
         rms_of(best.judged_axes()),
         percent(best.rms_fall_percent()),
         p_equation(best.p_value)

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 pub use model::Verdict;
 use model::{Axis, Coefficient, Effect, Model, NotIdentified, PerGroup};
+use report::number::fixed;
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -129,6 +130,9 @@ pub struct EffectFinding {
     /// What rows at low frequency say of it, for an effect that moments show and all other rules support.
     #[serde(skip)]
     pub(crate) at_low_frequency: Option<AtLowFrequency>,
+    /// By how many degrees the vertical of the tracker would be off if it passed for this wind.
+    #[serde(skip)]
+    pub(crate) tracker_tilt_deg: Option<f64>,
     /// Where the cable ends that it would be.
     #[serde(skip)]
     pub(crate) anchor: Option<Anchor>,
@@ -141,6 +145,18 @@ pub struct EffectFinding {
 }
 
 impl EffectFinding {
+    /// What the effect is, and what looks the same without being one.
+    pub fn sentence(&self) -> String {
+        let what = self.effect.info().sentence;
+        match self.tracker_tilt_deg {
+            Some(tilt_deg) => format!(
+                "{what} In a log without an accelerometer, a tracker whose vertical is {}° off looks the same.",
+                fixed(tilt_deg, 1)
+            ),
+            None => what.into(),
+        }
+    }
+
     /// An effect of which nothing is known yet but why not.
     pub(crate) fn unsupported(effect: Effect, flights: usize, reason: Reason) -> Self {
         Self {
@@ -160,6 +176,7 @@ impl EffectFinding {
             harm_percent: 0.0,
             swing: None,
             at_low_frequency: None,
+            tracker_tilt_deg: None,
             anchor: None,
             gain_of: [0.0; 6],
             motor: None,
@@ -281,6 +298,14 @@ mod tests {
         all[2].supported = true;
         assert_eq!(diagnosis(&all).best(), Some(Effect::MotorLag));
         assert_eq!(supported(&all), [Effect::MotorLag, Effect::SteadyWind]);
+    }
+
+    #[test]
+    fn a_wind_says_which_tilt_of_the_tracker_looks_the_same() {
+        let mut wind = finding(Effect::SteadyWind);
+        assert_eq!(wind.sentence(), Effect::SteadyWind.info().sentence);
+        wind.tracker_tilt_deg = Some(1.46);
+        assert!(wind.sentence().contains("a tracker whose vertical is 1.5° off"), "{}", wind.sentence());
     }
 
     #[test]

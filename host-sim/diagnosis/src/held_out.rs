@@ -15,6 +15,7 @@ use crate::low_frequency::at_low_frequency;
 use crate::reason::Reason;
 use crate::significance::{effect_p_value, take_fall};
 use crate::swing_band;
+use crate::tracker_tilt::tracker_tilt_deg;
 
 /// A model refitted on the training flights and its residuals on the held-out ones.
 #[derive(Clone)]
@@ -86,6 +87,7 @@ pub(crate) fn examine_along(
         let drop_percent = swing_band::drop_percent(validate, both, up_to_hz);
         Swing { count: swings(&carried, &[train, validate].concat()), up_to_hz, drop_percent }
     });
+    finding.tracker_tilt_deg = tracker_tilt_deg(&with.fit.model, effect, train);
     finding.anchor = anchor_of(&finding, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);
     take_gain(&mut finding, (axes, &with.fit.sigma), validate, (&without.held_out, &with.held_out));

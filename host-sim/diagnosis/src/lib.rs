@@ -46,6 +46,7 @@ pub mod subsets;
 mod swing_band;
 #[cfg(test)]
 mod testing;
+mod tracker_tilt;
 mod unidentified;
 mod wander;
 pub mod workflow;

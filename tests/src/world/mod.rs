@@ -146,6 +146,9 @@ impl World {
             (pattern, self.style),
             &mut stream(self.seed, purpose(0)),
         );
+        if sensors.are_flown_by {
+            pilot = pilot.unshaken();
+        }
         let mut standing = None;
         if self.standing_s > 0.0 {
             let ends = Ends::new(&self.craft, duration_s);
@@ -164,7 +167,8 @@ impl World {
         let mut commands: Vec<[f64; 4]> = Vec::with_capacity(ticks);
         for tick in 0..ticks {
             let time_s = tick as f64 * PILOT_PERIOD_S;
-            let mut fly = |pattern_s| pilot.command(pattern_s, &body, &self.craft.battery);
+            let felt = recorder.felt();
+            let mut fly = |pattern_s| pilot.command(pattern_s, &body, &self.craft.battery, &felt);
             commands.push(match &mut standing {
                 Some(standing) => standing.command(time_s, &self.craft, fly),
                 None => fly(time_s),

@@ -6,12 +6,13 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Rotation3, Vector3};
 use rand::{Rng, RngExt};
 
 use super::body::Body;
 use super::craft::{Cell, Craft, Size};
 use super::floor::{Ends, Place, smooth};
+use super::sensors::Felt;
 
 /// Period of the commands, s.
 pub(super) const PILOT_PERIOD_S: f64 = 0.01;
@@ -185,6 +186,8 @@ pub(super) struct Pilot {
     rate_integral: Vector3<f64>,
     battery_v: f64,
     seen: Option<Body>,
+    /// Size of each tone, part of the rotors' speed in hover.
+    shake: f64,
 }
 
 impl Pilot {
@@ -243,7 +246,13 @@ impl Pilot {
             rate_integral: Vector3::zeros(),
             battery_v: craft.hover_v(),
             seen: None,
+            shake: SHAKE,
         }
+    }
+
+    /// The same pilot, who shakes no motor.
+    pub(super) fn unshaken(self) -> Self {
+        Self { shake: 0.0, ..self }
     }
 
     /// The same pilot from the floor to the floor.
@@ -268,8 +277,8 @@ impl Pilot {
         level && hangs && clear && place.xy().norm() < 6.0 && (-6.0..0.2).contains(&place.z)
     }
 
-    /// Motor commands at a tick.
-    pub(super) fn command(&mut self, time_s: f64, body: &Body, battery: &Cell) -> [f64; 4] {
+    /// Motor commands at a tick; `felt` is the noise of what was seen at the last one.
+    pub(super) fn command(&mut self, time_s: f64, body: &Body, battery: &Cell, felt: &Felt) -> [f64; 4] {
         let seen = self.seen.replace(body.clone()).unwrap_or_else(|| body.clone());
         let measured_v = battery.voltage_v(time_s, &seen.rotor_rad_s);
         self.battery_v += (measured_v - self.battery_v) * PILOT_PERIOD_S / 0.5;
@@ -277,7 +286,7 @@ impl Pilot {
         let attitude = seen.attitude.matrix();
         let down = -wanted.normalize();
         let thrust_n = self.craft.mass_kg * (-wanted.dot(&attitude.column(2))).max(2.0);
-        let torque = self.torque(time_s, &seen, &down);
+        let torque = self.torque(time_s, &seen, felt, &down);
         self.mixed(time_s, thrust_n, torque)
     }
 
@@ -300,13 +309,13 @@ impl Pilot {
     }
 
     /// Torque that turns the body's z axis to `down` and its nose to the pattern's yaw, N m.
-    fn torque(&mut self, time_s: f64, seen: &Body, down: &Vector3<f64>) -> Vector3<f64> {
+    fn torque(&mut self, time_s: f64, seen: &Body, felt: &Felt, down: &Vector3<f64>) -> Vector3<f64> {
         let yaw = self.path.at(time_s).1;
         let yaw_rate = (self.path.at(time_s + 0.01).1 - self.path.at(time_s - 0.01).1) / 0.02;
         let nose = Vector3::new(yaw.cos(), yaw.sin(), 0.0);
         let right = down.cross(&nose).normalize();
         let wanted = Matrix3::from_columns(&[right.cross(down), right, *down]);
-        let turn = wanted.tr_mul(seen.attitude.matrix());
+        let turn = wanted.tr_mul((seen.attitude * Rotation3::new(felt.turn_rad)).matrix());
         let error = 0.5
             * Vector3::new(
                 turn[(2, 1)] - turn[(1, 2)],
@@ -315,7 +324,7 @@ impl Pilot {
             );
         let g = self.gains;
         let wanted_rate = -g.attitude_s * error + Vector3::new(0.0, 0.0, yaw_rate);
-        let off = wanted_rate - seen.rate_rad_s(&self.craft);
+        let off = wanted_rate - seen.rate_rad_s(&self.craft) - felt.rate_rad_s;
         self.rate_integral += off * PILOT_PERIOD_S;
         let turning = g.rate_s * off + g.rate_integral_s2 * self.rate_integral;
         self.craft.inertia_kg_m2.diagonal().component_mul(&turning)
@@ -335,7 +344,7 @@ impl Pilot {
             let tones = if self.path.pattern == Pattern::Hover { &[][..] } else { &self.tones[i][..] };
             let shake: f64 = tones.iter().map(|(w, phase)| (w * time_s + phase).sin()).sum();
             let [low, high] = craft.command_range();
-            craft.map.command_for(speed + SHAKE * hover * shake, self.battery_v).clamp(low, high)
+            craft.map.command_for(speed + self.shake * hover * shake, self.battery_v).clamp(low, high)
         })
     }
 }

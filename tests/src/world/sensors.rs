@@ -37,6 +37,15 @@ pub struct Sensors {
     pub accelerometer: bool,
     /// Whether the speeds of the rotors are measured.
     pub tachometers: bool,
+    /// Whether the pilot flies by the noise of gyro and attitude, as all do, and shakes no motor besides.
+    pub are_flown_by: bool,
+}
+
+/// What gyro and attitude added to the rate and the attitude of a row, in body axes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Felt {
+    pub(super) rate_rad_s: Vector3<f64>,
+    pub(super) turn_rad: Vector3<f64>,
 }
 
 impl Default for Sensors {
@@ -53,6 +62,7 @@ impl Default for Sensors {
             voltmeter_v: 0.0,
             accelerometer: false,
             tachometers: false,
+            are_flown_by: false,
         }
     }
 }
@@ -144,6 +154,8 @@ pub(super) struct Recorder {
     rates: Vec<Vector3<f64>>,
     /// Present noise of the motion capture: position, then attitude, standard deviation 1.
     mocap: [f64; 6],
+    /// Noise of the latest row.
+    felt: Felt,
     losing: bool,
 }
 
@@ -180,6 +192,7 @@ impl Recorder {
             speeds: Default::default(),
             rates: Vec::new(),
             mocap,
+            felt: Felt::default(),
             losing: false,
         }
     }
@@ -202,6 +215,11 @@ impl Recorder {
         self.record(step as f64 * STEP_S, body, craft, rate, command);
     }
 
+    /// The noise that the pilot flies by.
+    pub(super) fn felt(&self) -> Felt {
+        if self.sensors.are_flown_by { self.felt } else { Felt::default() }
+    }
+
     fn row(&self) -> usize {
         self.rows[0].len()
     }
@@ -213,7 +231,9 @@ impl Recorder {
         let seen = body.attitude * self.tilt * Rotation3::new(shake);
         let (phi, theta, psi) = seen.euler_angles();
         let place = body.position_ned_m + body.attitude * craft.lever_m;
-        let gyro = rate + self.bias_rad_s + self.white3() * (noise * Sensors::RATE_RAD_S);
+        let hum = self.white3() * (noise * Sensors::RATE_RAD_S);
+        self.felt = Felt { rate_rad_s: hum, turn_rad: shake };
+        let gyro = rate + self.bias_rad_s + hum;
         let volts = body.battery_v + self.white() * noise * Sensors::BATTERY_V + self.sensors.voltmeter_v;
         let position = noise * Sensors::POSITION_M;
         let values = [

@@ -44,6 +44,8 @@ pub(crate) enum Condition {
     NoPosition,
     /// Rotor speeds in the log, and no commands.
     NoCommands,
+    /// A pilot who flies by the noise of gyro and attitude, and shakes no motor.
+    NoiseFedBack,
 }
 
 /// What a log at 25 Hz still shows: it changes as slowly as the craft moves.
@@ -59,7 +61,7 @@ const QUICK: &[&str] = &[
 ];
 
 impl Condition {
-    pub(crate) const ALL: [Self; 19] = [
+    pub(crate) const ALL: [Self; 20] = [
         Self::FloorAtBothEnds,
         Self::WindBetweenFlights,
         Self::WanderingWind,
@@ -79,6 +81,7 @@ impl Condition {
         Self::NoVoltage,
         Self::NoPosition,
         Self::NoCommands,
+        Self::NoiseFedBack,
     ];
 
     /// For `--only` and tables.
@@ -99,6 +102,7 @@ impl Condition {
             Self::NoVoltage => "no-voltage".into(),
             Self::NoPosition => "no-position".into(),
             Self::NoCommands => "no-commands".into(),
+            Self::NoiseFedBack => "noise-fed-back".into(),
         }
     }
 
@@ -161,6 +165,7 @@ impl Condition {
             Self::NoVoltage => &["vbat", "voltage"],
             Self::NoPosition => &["position"],
             Self::NoCommands => &["command"],
+            Self::NoiseFedBack => &["noise"],
         };
         words.iter().any(|word| refusal.contains(word))
     }
@@ -217,6 +222,7 @@ impl Condition {
             Self::LoggedAt(rate_hz) => sensors.rate_hz = f64::from(rate_hz),
             Self::NoPosition => sensors.accelerometer = true,
             Self::NoCommands => sensors.tachometers = true,
+            Self::NoiseFedBack => sensors.are_flown_by = true,
             // The second day, of which there are flights to fit on and to judge by.
             Self::TwoBatteries if matches!(pattern, Pattern::B | Pattern::E) => {
                 let battery = &mut world.craft.battery;
