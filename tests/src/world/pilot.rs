@@ -12,7 +12,6 @@ use rand::{Rng, RngExt};
 use super::body::Body;
 use super::craft::{Cell, Craft, Size};
 use super::floor::{Ends, Place, smooth};
-use super::sensors::Felt;
 
 /// Period of the commands, s.
 pub(super) const PILOT_PERIOD_S: f64 = 0.01;
@@ -172,6 +171,13 @@ struct Gains {
     attitude_s: f64,
     rate_s: f64,
     rate_integral_s2: f64,
+}
+
+/// What gyro and attitude added to the rate and the attitude of a row, in body axes.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Felt {
+    pub(super) rate_rad_s: Vector3<f64>,
+    pub(super) turn_rad: Vector3<f64>,
 }
 
 /// A pilot in flight.

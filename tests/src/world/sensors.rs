@@ -9,7 +9,7 @@ use rand_pcg::Pcg64;
 
 use super::body::{Body, STEP_S};
 use super::craft::Craft;
-use super::pilot::PILOT_PERIOD_S;
+use super::pilot::{Felt, PILOT_PERIOD_S};
 
 /// Faults and noise of the instruments.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,13 +39,6 @@ pub struct Sensors {
     pub tachometers: bool,
     /// Whether the pilot flies by the noise of gyro and attitude, as all do, and shakes no motor besides.
     pub are_flown_by: bool,
-}
-
-/// What gyro and attitude added to the rate and the attitude of a row, in body axes.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Felt {
-    pub(super) rate_rad_s: Vector3<f64>,
-    pub(super) turn_rad: Vector3<f64>,
 }
 
 impl Default for Sensors {
