@@ -5,11 +5,14 @@
 use diagnosis::workflow::{self, FlightSets, Reading, Silent};
 use diagnosis::{Dependence, Diagnosis, Options, Verdict};
 use model::Effect;
-use stories::world::{OUTSIDE, Pattern, Sensors, Size, World};
+use stories::world::{OUTSIDE, Pattern, Sensors, Size, Style, World};
 
 fn diagnosed(id: &str, strength: f64, size: Size, seed: u64) -> Diagnosis {
-    let world = World::new(size, seed).with(id, strength).unwrap();
-    let fly = |pattern: Pattern| world.fly(pattern, 24.0, &Sensors::default(), 0).expect("the pilot copes");
+    diagnosed_by(&World::new(size, seed).with(id, strength).unwrap(), &Sensors::default())
+}
+
+fn diagnosed_by(world: &World, sensors: &Sensors) -> Diagnosis {
+    let fly = |pattern: Pattern| world.fly(pattern, 24.0, sensors, 0).expect("the pilot copes");
     let (train, validate) = (Pattern::TRAIN.map(fly), Pattern::VALIDATE.map(fly));
     let vehicle = &world.vehicle;
     let mut sets = FlightSets::from_flights(&train, &validate, vehicle, Reading::default(), &Silent).unwrap();
@@ -35,6 +38,23 @@ fn a_late_wake_is_no_quick_rotor() {
         let lag = diagnosed("motor-lag", 0.75, size, seed);
         assert_eq!(lag.best(), Some(Effect::MotorLag), "{}", lag.summary);
         assert_eq!(depends_on(&lag), [], "{}", lag.summary);
+    }
+}
+
+/// A pilot who answers the noise of the gyro gives the yaw a past: without a look at low frequency, a fifth to a quarter of its error
+/// follows the accelerations of the last half second.
+#[test]
+fn noise_that_the_pilot_answers_is_nothing_that_answers_late() {
+    for (size, style, noise, seed) in [
+        (Size::F330, Style::Gentle, 0.8, 429_409),
+        (Size::Small, Style::Gentle, 0.8, 771_660),
+        (Size::Small, Style::Usual, 2.0, 858_544),
+    ] {
+        println!("{size:?}, {style:?}, seed {seed}");
+        let sensors = Sensors { are_flown_by: true, ..Sensors::noisy(noise) };
+        let diagnosis = diagnosed_by(&World::new(size, seed).flown(style), &sensors);
+        assert_eq!(depends_on(&diagnosis), [], "{}", diagnosis.summary);
+        assert_eq!(diagnosis.verdict, Verdict::Adequate, "{}", diagnosis.summary);
     }
 }
 

@@ -4,7 +4,8 @@
 //! **The past.** A model of states and rotors says what acts now. A part that swings, sloshes or bends answers later, and so does air: the
 //! residual is then what the predicted acceleration was some tenths of a second before, through a filter that nobody knows. Ljung's
 //! test of the residual against past inputs (System Identification, 2nd edition, 16.6) is made by a fit: a finite impulse response of
-//! the predicted acceleration, less its present value, which is a matter of the other tests.
+//! the predicted acceleration, less its present value, which is a matter of the other tests. A controller that answers the noise of its gyro gives
+//! moments a past, too, which is gone at low frequency ([`sysid::fit::low_frequency`]): moments must show theirs there as well.
 
 use model::{Axis, Model};
 use nalgebra::{DMatrix, DVector, Matrix4, Vector4};
@@ -15,6 +16,7 @@ use crate::finding::Unexplained;
 use crate::held_out::Validated;
 use crate::not_logged::lack_position;
 use crate::significance::{block_sums, rows_of_stretches};
+use sysid::fit::low_frequency::at_low_frequency;
 use sysid::prepare::Prepared;
 use sysid::prepare::conditions::Condition;
 use sysid::statistics::Blocks;
@@ -43,7 +45,37 @@ pub(crate) struct Structure {
 pub(crate) fn structure(rest: &Validated, train: &[&Prepared], validate: &[&Prepared]) -> Structure {
     let model = &rest.fit.model;
     let fitted: Vec<Residuals> = train.iter().map(|f| residuals(f, model)).collect();
-    structure_of(model, (train, &fitted), (validate, &rest.held_out))
+    let mut found = structure_of(model, (train, &fitted), (validate, &rest.held_out));
+    let is_of_moments = |u: &Unexplained| u.depends_on == Dependence::Past && !u.axis.is_force();
+    if !found.unexplained.iter().any(is_of_moments) {
+        return found;
+    }
+    if let Some(low) = structure_at_low_frequency(model, train, validate) {
+        let is_there = |u: &Unexplained| low.unexplained.iter().any(|l| is_of_moments(l) && l.axis == u.axis);
+        found.unexplained.retain(|u| !is_of_moments(u) || is_there(u));
+        let is_left = found.unexplained.iter().any(|u| u.depends_on == Dependence::Past);
+        found.answers_late &= is_left || low.answers_late;
+    }
+    found
+}
+
+/// The same at low frequency, of the model fitted there.
+fn structure_at_low_frequency(
+    model: &Model,
+    train: &[&Prepared],
+    validate: &[&Prepared],
+) -> Option<Structure> {
+    let through = |flights: &[&Prepared]| -> Option<Vec<Prepared>> {
+        flights.iter().map(|flight| at_low_frequency(flight)).collect()
+    };
+    let (train, validate) = (through(train)?, through(validate)?);
+    let (train, validate): (Vec<&Prepared>, Vec<&Prepared>) =
+        (train.iter().collect(), validate.iter().collect());
+    let fit = sysid::fit(&train, &model.vehicle, &model.effects(), Some(model)).ok()?;
+    let of = |flights: &[&Prepared]| -> Vec<Residuals> {
+        flights.iter().map(|f| residuals(f, &fit.model)).collect()
+    };
+    Some(structure_of(&fit.model, (&train, &of(&train)), (&validate, &of(&validate))))
 }
 
 /// The same of any residuals of a model: fitted to those of `train`, tested on those of `validate`.
