@@ -153,8 +153,9 @@ fn summary(
         false => format!(" These flights cannot tell {it} from {}.", joined(rivals, ", ")),
     };
     format!(
-        "Since the model was fitted, {things}: {}. With {it}, {fall} on flights that it was not estimated from.{rivals}",
+        "Since the model was fitted, {things}: {}. With {it}, {fall} on flights that it was not estimated from.{rivals}{}",
         all.join(" and "),
+        finding.looks_the_same(),
     )
 }
 
@@ -254,6 +255,10 @@ mod tests {
              the rms error of w falls by 37.8 % on flights that it was not estimated from. These flights \
              cannot tell it from motor-efficiency of motor 2."
         );
+        named.1.tracker_tilt_deg = Some(1.52);
+        let said = summary(Verdict::MissingEffect, (Some(&named), &[]), None, None);
+        assert!(said.ends_with("a tracker whose vertical is 1.5° off looks the same."), "{said}");
+        named.1.tracker_tilt_deg = None;
         named.1.reason = Reason::BalanceShifted { percent: 61.27, rivals: Vec::new() };
         assert!(
             summary(Verdict::MissingEffect, (Some(&named), &[]), None, None).ends_with(

@@ -11,6 +11,7 @@ use crate::finding::{CoefficientFigures, EffectFinding};
 use crate::held_out::{judged_axes, take_gain};
 use crate::reason::Reason;
 use crate::significance::zero_p_value;
+use crate::tracker_tilt::changed_tilt_deg;
 use sysid::prepare::Prepared;
 use sysid::{Residuals, residuals};
 
@@ -58,6 +59,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
             CoefficientFigures::new(&info.coefficients[k], fitted.values[i], std_error, model)
         })
         .collect();
+    finding.tracker_tilt_deg = changed_tilt_deg(model, &fitted.model, change.effect, flights);
     finding.anchor = anchor_of(&finding, flights);
     let coefficients = free.iter().map(|&k| &info.coefficients[k]);
     let p_value = zero_p_value(from_usual.as_slice(), &tested, coefficients, independent);

@@ -105,7 +105,12 @@ pub(crate) fn mark_rivals(
             finding.refuse(Reason::ExplainedBy { other: best });
         }
     }
-    rivals.extend(as_good_together(findings, best).into_iter().filter(|c| !together.changes.contains(c)));
+    let as_good = as_good_together(findings, best).into_iter().filter(|c| !together.changes.contains(c));
+    as_good.for_each(|change| {
+        if !rivals.contains(&change) {
+            rivals.push(change);
+        }
+    });
     if best == HEAVIER && has_rotation(model) && changes.iter().any(|c| c.effect == ALL_ROTORS.effect) {
         going_on(observer)?;
         let challenged = challenge(model, &together, flights, changes.len());

@@ -147,14 +147,18 @@ pub struct EffectFinding {
 impl EffectFinding {
     /// What the effect is, and what looks the same without being one.
     pub fn sentence(&self) -> String {
-        let what = self.effect.info().sentence;
-        match self.tracker_tilt_deg {
-            Some(tilt_deg) => format!(
-                "{what} In a log without an accelerometer, a tracker whose vertical is {}° off looks the same.",
+        format!("{}{}", self.effect.info().sentence, self.looks_the_same())
+    }
+
+    /// What looks the same as the effect without being one: a sentence behind a space, or nothing.
+    pub(crate) fn looks_the_same(&self) -> String {
+        let of_tilt = |tilt_deg| {
+            format!(
+                " In a log without an accelerometer, a tracker whose vertical is {}° off looks the same.",
                 fixed(tilt_deg, 1)
-            ),
-            None => what.into(),
-        }
+            )
+        };
+        self.tracker_tilt_deg.map_or_else(String::new, of_tilt)
     }
 
     /// An effect of which nothing is known yet but why not.

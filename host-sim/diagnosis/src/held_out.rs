@@ -11,7 +11,7 @@ use sysid::{Fit, FitError, Residuals, errors, has_rotation, residuals};
 use crate::anchor::anchor_of;
 use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, Swing};
-use crate::low_frequency::at_low_frequency;
+use crate::low_frequency::found_at_low_frequency;
 use crate::reason::Reason;
 use crate::significance::{effect_p_value, take_fall};
 use crate::swing_band;
@@ -94,7 +94,7 @@ pub(crate) fn examine_along(
     let weighed = |finding: &EffectFinding| weigh(&Evidence::missing(finding, &with.fit.model));
     (finding.supported, finding.reason) = weighed(&finding);
     if finding.supported && axes.iter().any(|axis| !axis.is_force()) {
-        finding.at_low_frequency = at_low_frequency(&with.fit, effect, train);
+        finding.at_low_frequency = found_at_low_frequency(&with.fit, effect, train);
         (finding.supported, finding.reason) = weighed(&finding);
     }
     finding

@@ -6,18 +6,24 @@
 use model::Effect;
 use nalgebra::{DMatrix, DVector};
 use sysid::Fit;
-use sysid::fit::low_frequency::WINDOW_S;
+use sysid::fit::low_frequency::together_at_low_frequency;
 use sysid::prepare::Prepared;
 
 use crate::finding::AtLowFrequency;
 use crate::significance::{estimates, independent_stretches, zero_p_value};
 
-/// What rows at low frequency of the training flights say of an effect that a fit to all rows has; nothing where they do not determine
-/// the model.
-pub(crate) fn at_low_frequency(fit: &Fit, effect: Effect, train: &[&Prepared]) -> Option<AtLowFrequency> {
-    let low: Vec<Prepared> = train.iter().filter_map(|flight| flight.through_window(WINDOW_S)).collect();
+/// What rows at low frequency of the training flights say of an effect that a fit to all rows has; nothing where they span too little or do
+/// not determine the model.
+pub(crate) fn found_at_low_frequency(
+    fit: &Fit,
+    effect: Effect,
+    train: &[&Prepared],
+) -> Option<AtLowFrequency> {
+    let low = together_at_low_frequency(train)?;
     let low: Vec<&Prepared> = low.iter().collect();
-    let again = sysid::fit(&low, &fit.model.vehicle, &fit.model.effects(), Some(&fit.model)).ok()?;
+    let mut effects = fit.model.effects();
+    effects.retain(|other| *other == effect || !is_like_at_low_frequency(*other, effect));
+    let again = sysid::fit(&low, &fit.model.vehicle, &effects, Some(&fit.model)).ok()?;
     let [(all, errors), (lows, low_errors)] = [fit, &again].map(|fit| estimates(fit, effect));
     let differences: Vec<f64> = all.iter().zip(&lows).map(|(a, b)| a - b).collect();
     let covariance = errors + low_errors;
@@ -26,6 +32,12 @@ pub(crate) fn at_low_frequency(fit: &Fit, effect: Effect, train: &[&Prepared]) -
         part: part(&all, &lows, &covariance)?,
         same_p_value: zero_p_value(&differences, &covariance, coefficients, independent_stretches(&low)),
     })
+}
+
+/// A dead time and a longer lag are the same to slow motion. Were both fitted there, neither would be known, and a dead time that a shorter lag makes up
+/// for, as gyro noise fakes both, would pass.
+fn is_like_at_low_frequency(one: Effect, other: Effect) -> bool {
+    [one, other].iter().all(|effect| matches!(effect, Effect::InputDelay | Effect::MotorLag))
 }
 
 /// How much of the coefficients of all rows there is in those at low frequency: 1 where they are the same.

@@ -10,14 +10,23 @@ use sysid::prepare::{ForceTarget, Prepared};
 /// By how many degrees the vertical of the tracker would be off if it passed for the wind of a model that was fitted to flights; nothing for other
 /// effects, and where accelerometers gave the forces.
 pub(crate) fn tracker_tilt_deg(model: &Model, effect: Effect, flights: &[&Prepared]) -> Option<f64> {
-    let is_felt = flights.iter().any(|flight| flight.force_target == ForceTarget::Imu);
-    if effect != Effect::SteadyWind || is_felt {
-        return None;
-    }
     let mut calm = model.clone();
     calm.terms.retain(|term| term.effect != effect);
-    let push_m_s2 = (sideways_at_rest_m_s2(model) - sideways_at_rest_m_s2(&calm)).norm();
-    Some((push_m_s2 / model.vehicle.gravity).atan().to_degrees())
+    changed_tilt_deg(&calm, model, effect, flights)
+}
+
+/// The same for a wind that has changed between two models.
+pub(crate) fn changed_tilt_deg(
+    before: &Model,
+    after: &Model,
+    effect: Effect,
+    flights: &[&Prepared],
+) -> Option<f64> {
+    let is_felt = flights.iter().any(|flight| flight.force_target == ForceTarget::Imu);
+    (effect == Effect::SteadyWind && !is_felt).then(|| {
+        let push_m_s2 = (sideways_at_rest_m_s2(after) - sideways_at_rest_m_s2(before)).norm();
+        (push_m_s2 / after.vehicle.gravity).atan().to_degrees()
+    })
 }
 
 /// Horizontal specific force of a level craft at rest whose rotors stand still: what the air does to it.
@@ -46,5 +55,12 @@ mod tests {
         let found = tilt_deg(&model, Effect::SteadyWind).unwrap();
         assert!((found - 1.5).abs() < 1e-9, "{found}");
         assert_eq!(tilt_deg(&model, Effect::LinearDrag), None);
+        // A wind that turned by a right angle.
+        let mut turned = model.clone();
+        turned.set(Effect::SteadyWind, &[0.8 * tilted_m_s2 / 0.2, 0.6 * tilted_m_s2 / 0.2]);
+        let changed = |before: &Model| changed_tilt_deg(before, &turned, Effect::SteadyWind, &[]).unwrap();
+        assert_eq!(changed(&turned), 0.0);
+        let expected = (2.0_f64.sqrt() * 1.5_f64.to_radians().tan()).atan().to_degrees();
+        assert!((changed(&model) - expected).abs() < 1e-9, "{}", changed(&model));
     }
 }

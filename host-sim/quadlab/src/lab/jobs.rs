@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use diagnosis::workflow::{self, Explanation, FlightSets, FlightsOfOneKind, Reading};
-use diagnosis::{Diagnosis, Discovery, Options};
+use diagnosis::{Diagnosis, Discovery, EffectFinding, Options};
 use model::user_effects::file_of;
 use model::{Effect, Model, Vehicle};
 use serde::Deserialize;
@@ -228,7 +228,7 @@ fn discovered(id: u32, found: &Discovery, command: &str) -> Value {
 /// A diagnosis as `quadlab diagnose --json` gives it, with what each effect is.
 fn document(diagnosis: &Diagnosis) -> Value {
     let mut document = serde_json::to_value(diagnosis).unwrap_or_default();
-    let sentence = |effect: Effect| (effect.id().to_owned(), json!(effect.info().sentence));
-    document["sentences"] = diagnosis.effects.iter().map(|finding| sentence(finding.effect)).collect();
+    let sentence = |finding: &EffectFinding| (finding.effect.id().to_owned(), json!(finding.sentence()));
+    document["sentences"] = diagnosis.effects.iter().map(sentence).collect();
     document
 }

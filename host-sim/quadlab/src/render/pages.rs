@@ -194,7 +194,7 @@ pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagn
         let with = with_change(model, effect, finding);
         let (before, after) = (View::all(&flights, model), View::all(&flights, &with));
         let section = Section::new(format!("The change: {}", tables::named(finding)))
-            .paragraph(effect.info().sentence)
+            .paragraph(finding.sentence())
             .grid(&tables::change(diagnosis))
             .paragraph(
                 "The model's coefficients stay fixed. In the figures, \"without it\" is the model as it was fitted and \

@@ -12,6 +12,8 @@
 //!
 //! Vibration makes an accelerometer noisy and differentiating twice makes a tracker noisy, so each is held against the other, and only
 //! what both ways say counts (`linear_sensor.rs`).
+//!
+//! The same rows tell whether the tracker's frame is level (`tracker_tilt.rs`).
 
 use nalgebra::{Matrix3, Vector3};
 
@@ -31,54 +33,72 @@ const ACCELEROMETER: Sensor = Sensor {
 /// Forces under which an axis tells nothing of its scale, m/s^2.
 const EXCITED_M_S2: f64 = 0.3;
 
-/// Faults of the accelerometer, in sentences; none where there is none, or no position to hold it against.
-pub fn check(flight: &Prepared, gravity_m_s2: f64) -> Vec<String> {
-    if !flight.has_position {
-        return Vec::new();
+/// An accelerometer held against a tracker, row by row.
+pub(super) struct Comparison {
+    pub(super) rows: Rows,
+    /// What gravity along x and y of the tracker's axes would do in them.
+    pub(super) sideways: [[Vec<f64>; 3]; 2],
+}
+
+impl Comparison {
+    /// Of a flight; nothing without a position. Without an accelerometer it has no rows.
+    pub(super) fn of(flight: &Prepared, gravity_m_s2: f64) -> Option<Self> {
+        if !flight.has_position {
+            return None;
+        }
+        let taps = Taps::new(flight.period_s);
+        let mut rows = Rows::new(flight.period_s);
+        rows.further = vec![Default::default(); 5];
+        let mut comparison = Self { rows, sideways: Default::default() };
+        for stretch in &flight.stretches {
+            comparison.push(stretch, &taps, (flight.period_s, gravity_m_s2));
+        }
+        Some(comparison)
     }
-    let taps = Taps::new(flight.period_s);
-    let mut rows = Rows::new(flight.period_s);
-    rows.further = vec![Default::default(); 5];
-    for stretch in &flight.stretches {
-        push_rows(&mut rows, stretch, &taps, (flight.period_s, gravity_m_s2));
+
+    /// Appends the rows of a stretch.
+    fn push(&mut self, stretch: &Stretch, taps: &Taps, (period_s, gravity_m_s2): (f64, f64)) {
+        let Some(imu) = &stretch.imu_m_s2 else { return };
+        let count = stretch.time_s.len();
+        let mut force: [Vec<f64>; 3] = Default::default();
+        let mut levers: [[Vec<f64>; 3]; 3] = Default::default();
+        for (k, dcm) in stretch.dcm.iter().enumerate() {
+            let upright: Matrix3<f64> = dcm.transpose();
+            push(&mut force, upright * vector(imu, k));
+            levers.iter_mut().enumerate().for_each(|(axis, lever)| push(lever, upright.column(axis).into()));
+        }
+        self.rows.begin();
+        let gravity = Vector3::new(0.0, 0.0, gravity_m_s2);
+        let acceleration = |k: usize| taps.at(&taps.second, &stretch.position_ned_m, k);
+        let margin = taps.half() + 1;
+        for k in (margin..count.saturating_sub(margin)).step_by(Rows::stride(period_s)) {
+            let dcm = &stretch.dcm[k];
+            let sensed = dcm * taps.at(&taps.smooth, &force, k);
+            let tracked = dcm * (acceleration(k) - gravity);
+            self.rows.push(stretch.time_s[k], sensed.into(), tracked.into());
+            let jerk = (acceleration(k + 1) - acceleration(k - 1)) / (2.0 * period_s);
+            let late = [vector(&stretch.rate_rad_s, k).cross(&tracked), dcm * jerk];
+            let levers = levers.iter().map(|lever| dcm * taps.at(&taps.second, lever, k));
+            let further = self.rows.further.iter_mut().zip(levers.chain(late));
+            further.for_each(|(column, value)| push(column, value));
+            let along = |axis: usize| gravity_m_s2 * dcm.column(axis);
+            self.sideways.iter_mut().enumerate().for_each(|(axis, column)| push(column, along(axis)));
+        }
     }
+}
+
+/// Faults of the accelerometer, in sentences.
+pub(super) fn check(Comparison { rows, .. }: &Comparison) -> Vec<String> {
     let tells = rows.tracked.each_ref().map(|axis| axis.len() > 1 && deviation(axis) > EXCITED_M_S2);
     let found = rows.sensor_either_way().map(|sensor| sensor.faults(&ACCELEROMETER, tells));
     found.unwrap_or_default()
-}
-
-/// Appends the rows of a stretch.
-fn push_rows(rows: &mut Rows, stretch: &Stretch, taps: &Taps, (period_s, gravity_m_s2): (f64, f64)) {
-    let Some(imu) = &stretch.imu_m_s2 else { return };
-    let count = stretch.time_s.len();
-    let mut force: [Vec<f64>; 3] = Default::default();
-    let mut levers: [[Vec<f64>; 3]; 3] = Default::default();
-    for (k, dcm) in stretch.dcm.iter().enumerate() {
-        let upright: Matrix3<f64> = dcm.transpose();
-        push(&mut force, upright * vector(imu, k));
-        levers.iter_mut().enumerate().for_each(|(axis, lever)| push(lever, upright.column(axis).into()));
-    }
-    rows.begin();
-    let gravity = Vector3::new(0.0, 0.0, gravity_m_s2);
-    let acceleration = |k: usize| taps.at(&taps.second, &stretch.position_ned_m, k);
-    let margin = taps.half() + 1;
-    for k in (margin..count.saturating_sub(margin)).step_by(Rows::stride(period_s)) {
-        let dcm = &stretch.dcm[k];
-        let sensed = dcm * taps.at(&taps.smooth, &force, k);
-        let tracked = dcm * (acceleration(k) - gravity);
-        rows.push(stretch.time_s[k], sensed.into(), tracked.into());
-        let jerk = (acceleration(k + 1) - acceleration(k - 1)) / (2.0 * period_s);
-        let late = [vector(&stretch.rate_rad_s, k).cross(&tracked), dcm * jerk];
-        let levers = levers.iter().map(|lever| dcm * taps.at(&taps.second, lever, k));
-        rows.further.iter_mut().zip(levers.chain(late)).for_each(|(column, value)| push(column, value));
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use std::cell::{Cell, RefCell};
 
-    use flights::Column;
+    use flights::{Column, Flight};
     use model::Vehicle;
     use rand::{RngExt, SeedableRng};
 
@@ -107,7 +127,11 @@ mod tests {
             let shifted = shifted.map(|(value, offset)| value + offset[axis] + draw(0.001).x).collect();
             flight.replace(column, shifted);
         }
-        check(&Prepared::new(&flight, &Vehicle::thesis()).unwrap(), 9.81)
+        of(&flight)
+    }
+
+    fn of(flight: &Flight) -> Vec<String> {
+        check(&Comparison::of(&Prepared::new(flight, &Vehicle::thesis()).unwrap(), 9.81).unwrap())
     }
 
     const LEVER_M: Vector3<f64> = Vector3::new(0.03, -0.02, 0.05);
@@ -133,7 +157,7 @@ mod tests {
             let late = (0..values.len()).map(at).collect();
             flight.replace(column, late);
         }
-        assert_eq!(check(&Prepared::new(&flight, &Vehicle::thesis()).unwrap(), 9.81), [""; 0]);
+        assert_eq!(of(&flight), [""; 0]);
     }
 
     #[test]

@@ -37,7 +37,7 @@ use crate::checks::tracks::{self, Axes, Lags, Pair};
 use crate::filter::{RegressionFilter, compose, sum_of_products};
 use crate::fit::gauss_newton::{self, Linearised, Problem, Rule};
 use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
-use crate::fit::low_frequency::{at_low_frequency, unless_contradicted};
+use crate::fit::low_frequency::{Estimate, at_low_frequency, unless_contradicted};
 use crate::prepare::Prepared;
 use flights::{Column, Flight};
 
@@ -82,10 +82,8 @@ impl Clock {
         self.offset_s + self.skew * (t - self.middle_s)
     }
 
-    /// What another offset differs by from this one, s, and the variance of that, s^2.
-    fn difference(&self, other: &Self) -> (f64, f64) {
-        let variance_s2 = self.offset_std_error_s.powi(2) + other.offset_std_error_s.powi(2);
-        (other.offset_s - self.offset_s, variance_s2)
+    fn estimate(&self) -> Estimate {
+        Estimate { value: self.offset_s, variance: self.offset_std_error_s.powi(2) }
     }
 
     /// Whether the skew stands out from its error.
@@ -199,7 +197,7 @@ pub fn of_attitude(flight: &Prepared) -> Option<Clock> {
         estimate(&pairs, flight.period_s, [least_s, MATTERS_SKEW])
     };
     let low = at_low_frequency(flight).and_then(|low| of(&low));
-    unless_contradicted(of(flight), low, |all, low| vec![all.difference(low)])
+    unless_contradicted(of(flight), low, |clock| vec![Some(clock.estimate())])
 }
 
 /// The tracked position's clock against the IMU's. Nothing without an IMU, and nothing where velocities are logged: then the

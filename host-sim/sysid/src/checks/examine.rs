@@ -17,7 +17,7 @@ use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
 use crate::checks::{
     accelerometer, bench, channels, coarse_commands, command_clock, derived_rates, gyro, imu, interpolated,
-    motors, under_sampled,
+    motors, tracker_tilt, under_sampled,
 };
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight, Mend, StandIn};
@@ -39,6 +39,8 @@ pub enum FaultKind {
     GyroFault,
     /// An accelerometer that is not to scale, not at right angles, or drifts.
     AccelerometerFault,
+    /// A tracker whose vertical is off.
+    TiltedTracker,
     /// Motors numbered or spinning otherwise.
     WrongMotors,
     /// Commands at the ends of their range.
@@ -94,6 +96,7 @@ impl FaultKind {
             Self::InconsistentFrames => "inconsistent-frames",
             Self::GyroFault => "gyro-fault",
             Self::AccelerometerFault => "accelerometer-fault",
+            Self::TiltedTracker => "tilted-tracker",
             Self::WrongMotors => "wrong-motors",
             Self::SaturatedCommands => "saturated-commands",
             Self::FrozenChannel => "frozen-channel",
@@ -302,14 +305,17 @@ fn imu_fault(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle) -> Option<
     if is_circular(flight) { None } else { imu::check(prepared, vehicle) }
 }
 
-/// Says what is wrong with gyro and accelerometer. An estimator's attitude is made of them, and has their faults.
+/// Says what is wrong with gyro, accelerometer and the tracker's vertical. An estimator's attitude is made of them, and has their faults.
 fn tell_sensors(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle, found: &mut Found) {
     if prepared.has_logged_velocity || is_circular(flight) {
         return;
     }
+    let forces = accelerometer::Comparison::of(prepared, vehicle.gravity);
+    let of_forces = |check: fn(_) -> Vec<String>| forces.as_ref().map(check).unwrap_or_default();
     for (kind, faults) in [
         (FaultKind::GyroFault, gyro::check(prepared)),
-        (FaultKind::AccelerometerFault, accelerometer::check(prepared, vehicle.gravity)),
+        (FaultKind::AccelerometerFault, of_forces(accelerometer::check)),
+        (FaultKind::TiltedTracker, of_forces(tracker_tilt::check)),
     ] {
         faults.into_iter().for_each(|fault| found.add(kind, Severity::Warning, fault));
     }

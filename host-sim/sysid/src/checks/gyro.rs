@@ -3,7 +3,9 @@
 //! The rates of the attitude and the gyro go through filters of equal response (`tracks.rs`), once the clocks agree. The gyro is the
 //! regressor (`linear_sensor.rs`): its noise is small beside that of a differentiated attitude, so that the factors are hardly too small.
 
-use crate::checks::linear_sensor::{Rows, Sensor};
+use report::number::with_error;
+
+use crate::checks::linear_sensor::{Linear, Rows, SIGNIFICANT, Sensor};
 use crate::checks::tracks;
 use crate::prepare::Prepared;
 
@@ -15,6 +17,9 @@ const GYRO: Sensor = Sensor {
     drift_matters: 0.02,
 };
 
+/// Turns about z that matter, degrees: roll commands pitch the craft by 1.7 %.
+const TURN_MATTERS_DEG: f64 = 1.0;
+
 /// Faults of the gyro, in sentences.
 pub fn check(flight: &Prepared) -> Vec<String> {
     let mut rows = Rows::new(flight.period_s);
@@ -25,7 +30,22 @@ pub fn check(flight: &Prepared) -> Vec<String> {
             rows.push(pair.start_s + k as f64 * flight.period_s, at(&pair.onboard), at(&pair.tracked));
         }
     }
-    rows.sensor_by_tracked().map(|gyro| gyro.faults(&GYRO, [true; 3])).unwrap_or_default()
+    let Some(gyro) = rows.sensor_by_tracked() else { return Vec::new() };
+    let mut found = gyro.faults(&GYRO, [true; 3]);
+    found.extend(turned(&gyro));
+    found
+}
+
+/// Against the tracked attitude. Neither thrust nor gravity tells which of the two is turned, as they do about x and y.
+fn turned(gyro: &Linear) -> Option<String> {
+    let (turn_deg, error_deg) = gyro.turned_about_z_deg();
+    (turn_deg.abs() > TURN_MATTERS_DEG.max(SIGNIFICANT * error_deg)).then(|| {
+        format!(
+            "the gyro's axes are turned by {} about z against the tracked attitude: the tracked body or the gyro is not aligned with the craft; \
+             align both with the arms",
+            with_error(turn_deg, error_deg, "deg")
+        )
+    })
 }
 
 #[cfg(test)]
@@ -50,10 +70,22 @@ mod tests {
     }
 
     #[test]
-    fn a_gyro_without_faults_has_none_and_one_that_is_turned_is_left_to_the_attitude() {
+    fn a_gyro_without_faults_has_none_and_one_that_leans_is_left_to_the_attitude() {
         assert_eq!(told(|_, rates| rates), [""; 0]);
-        let turned = nalgebra::Rotation3::from_euler_angles(0.03, -0.02, 0.04);
+        let turned = nalgebra::Rotation3::from_euler_angles(0.03, -0.02, 0.01);
         assert_eq!(told(|_, rates| turned * rates), [""; 0]);
+    }
+
+    /// Axes that are turned by 2 degrees see p cos 2 + q sin 2 as p.
+    #[test]
+    fn a_gyro_that_is_turned_about_z_is_named() {
+        let turned = nalgebra::Rotation3::from_axis_angle(&Vector3::z_axis(), -2.0_f64.to_radians());
+        let found = told(|_, rates| turned * rates);
+        assert_eq!(found.len(), 1, "{found:?}");
+        let (start, deg) = found[0].split_once(" by ").unwrap();
+        assert_eq!(start, "the gyro's axes are turned");
+        let deg: f64 = deg.split_whitespace().next().unwrap().parse().unwrap();
+        assert!((deg - 2.0).abs() < 0.1, "{found:?}");
     }
 
     #[test]

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! A tracked frame that is turned against the sensor shows as a rotation, the part of N that changes its sign with its indices: that is no
-//! fault of the sensor and is left to `attitude-offset`.
+//! fault of the sensor. About x and y it is left to `attitude-offset`, for gravity tells which of the two is turned; about z it is named.
 
 use nalgebra::Matrix3;
 use report::number::{fixed, with_error};
@@ -17,14 +17,14 @@ const ROW_PERIOD_S: f64 = 0.03;
 /// Scales and cross axes that matter.
 const MATTERS: f64 = 0.02;
 /// Standard errors that a fault stands out by.
-const SIGNIFICANT: f64 = 5.0;
+pub(super) const SIGNIFICANT: f64 = 5.0;
 /// Rows of a regression at least: some seconds.
 const FEWEST_ROWS: usize = 300;
 /// Factors, biases and drifts.
 const UNKNOWNS: usize = 15;
 
 /// A motion as the sensor has it and as the tracker has it, row by row.
-#[derive(Default)]
+#[derive(Default, Clone)]
 pub(super) struct Rows {
     pub(super) sensed: [Vec<f64>; 3],
     pub(super) tracked: [Vec<f64>; 3],
@@ -41,6 +41,8 @@ pub(super) struct Linear {
     error: Matrix3<f64>,
     /// Of the bias of each axis, its unit per second.
     drift: [(f64, f64); 3],
+    /// What the tracked point has of each further column.
+    pub(super) further: Vec<(f64, f64)>,
     length_s: f64,
 }
 
@@ -81,13 +83,20 @@ impl Rows {
         }
     }
 
+    /// The same with more that the tracked point may have.
+    pub(super) fn with_further(&self, columns: &[[Vec<f64>; 3]]) -> Self {
+        let mut with = self.clone();
+        with.further.extend_from_slice(columns);
+        with
+    }
+
     /// What the sensor makes of the tracked motion, where its noise is small beside that of the tracker: that of the regressor makes
     /// factors too small.
     pub(super) fn sensor_by_tracked(&self) -> Option<Linear> {
-        let Linear { matrix, error, drift, length_s } = self.regress(&self.tracked, &self.sensed, 1.0)?;
+        let found = self.regress(&self.tracked, &self.sensed, 1.0)?;
         // What the sensor gains is taken out of the tracked motion.
-        let drift = drift.map(|(slope, error)| (-slope, error));
-        Some(Linear { matrix: matrix.try_inverse()?, error, drift, length_s })
+        let drift = found.drift.map(|(slope, error)| (-slope, error));
+        Some(Linear { matrix: found.matrix.try_inverse()?, drift, ..found })
     }
 
     /// The same where the noise of both may count: of the regressions of one on the other and of the other on the one, that which says
@@ -96,13 +105,12 @@ impl Rows {
         let one = self.sensor_by_tracked()?;
         let other = self.regress(&self.sensed, &self.tracked, -1.0)?;
         let same = Matrix3::identity();
-        let less = |row: usize, column: usize| {
-            let [own, theirs] = [&one, &other].map(|of| (of.matrix - same)[(row, column)]);
-            same[(row, column)]
-                + if own * theirs <= 0.0 { 0.0 } else { own.signum() * own.abs().min(theirs.abs()) }
-        };
+        let excess = |of: &Linear, i, j| (of.matrix - same)[(i, j)];
+        let matrix = Matrix3::from_fn(|i, j| same[(i, j)] + less(excess(&one, i, j), excess(&other, i, j)));
         let error = Matrix3::from_fn(|i, j| one.error[(i, j)].max(other.error[(i, j)]));
-        Some(Linear { matrix: Matrix3::from_fn(less), error, ..one })
+        let further = one.further.iter().zip(&other.further);
+        let further = further.map(|(a, b)| (less(a.0, b.0), a.1.max(b.1))).collect();
+        Some(Linear { matrix, error, further, ..one })
     }
 
     /// One motion by the other, with further columns times a sign.
@@ -138,12 +146,25 @@ impl Rows {
             matrix: Matrix3::from_fn(|i, j| of(3 * i + j).0),
             error: Matrix3::from_fn(|i, j| of(3 * i + j).1),
             drift: std::array::from_fn(|i| of(UNKNOWNS - 3 + i)),
+            further: (UNKNOWNS..unknowns).map(of).collect(),
             length_s: last_s - first_s,
         })
     }
 }
 
+/// The smaller of two values that agree in sign; nothing where they do not.
+fn less(one: f64, other: f64) -> f64 {
+    if one * other <= 0.0 { 0.0 } else { one.signum() * one.abs().min(other.abs()) }
+}
+
 impl Linear {
+    /// By how many degrees the sensor is turned about z against the tracked frame, and the error of that.
+    pub(super) fn turned_about_z_deg(&self) -> (f64, f64) {
+        let turn = 0.5 * (self.matrix[(0, 1)] - self.matrix[(1, 0)]);
+        let error = 0.5 * self.error[(0, 1)].hypot(self.error[(1, 0)]);
+        (turn.to_degrees(), error.to_degrees())
+    }
+
     /// The faults of a sensor, in sentences; those of scale and cross axis only between axes that tell.
     pub(super) fn faults(&self, sensor: &Sensor, tells: [bool; 3]) -> Vec<String> {
         let Sensor { name, columns, unit, .. } = sensor;
@@ -260,7 +281,8 @@ mod tests {
         let faults = |ab: f64, ba: f64, tells| {
             let matrix = Matrix3::new(1.0, ab, 0.0, ba, 1.0, 0.0, 0.0, 0.0, 1.0);
             let error = Matrix3::from_element(0.001);
-            Linear { matrix, error, drift: [(0.0, 1e-4); 3], length_s: 40.0 }.faults(&SENSOR, tells)
+            Linear { matrix, error, drift: [(0.0, 1e-4); 3], further: Vec::new(), length_s: 40.0 }
+                .faults(&SENSOR, tells)
         };
         assert_eq!(faults(0.05, -0.05, [true; 3]), [""; 0]);
         for (ab, ba) in [(0.05, 0.05), (0.1, 0.0)] {
@@ -279,7 +301,7 @@ mod tests {
             let matrix = Matrix3::from_diagonal(&Vector3::new(1.0, scale, 1.0));
             let drift = [(0.0, 1e-5), (0.0, 1e-5), (slope, 1e-4)];
             let error = Matrix3::from_element(error);
-            Linear { matrix, error, drift, length_s: 40.0 }.faults(&SENSOR, [true; 3])
+            Linear { matrix, error, drift, further: Vec::new(), length_s: 40.0 }.faults(&SENSOR, [true; 3])
         };
         let found = faults(1.03, 0.005, 0.0);
         assert!(found.len() == 1 && found[0].starts_with("the sensor's b is 3.0"), "{found:?}");

@@ -1,6 +1,6 @@
 //! What is checked of flights, of a vehicle file and of a fit: faults are found and named, not fitted away.
 
-pub mod accelerometer;
+mod accelerometer;
 pub mod airborne;
 mod bench;
 pub mod channels;
@@ -19,6 +19,7 @@ pub mod interpolated;
 mod linear_sensor;
 pub mod motors;
 pub mod overlap;
+mod tracker_tilt;
 mod tracks;
 pub mod under_sampled;
 pub mod vehicle;

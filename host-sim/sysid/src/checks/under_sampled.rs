@@ -12,9 +12,9 @@
 //! noise, which is left as well, is known from its quick differences.
 //!
 //! What a model lacks is also left. So the moments are explained with all that could turn a craft (rates, airspeeds, their products,
-//! the floor, rotors that follow late) and only frequencies around 1 Hz are looked at, and both axes must agree.
+//! the floor, rotors that follow late, rotors that are gyroscopes) and only frequencies around 1 Hz are looked at, and both axes must agree.
 
-use model::{Adjustments, Vehicle};
+use model::{Adjustments, Spin, Vehicle};
 use nalgebra::{DMatrix, DVector, Vector3};
 use report::number::fixed;
 
@@ -37,6 +37,8 @@ const ADDED: f64 = 2.0;
 const LEAST_LEFT: f64 = 0.18;
 /// In half of the flights at most this: unlogged commands leave one, and what leaves more is something else.
 const USUALLY_LEFT: f64 = 1.5;
+/// Columns of the rotors: square, slope and bend of each, two near the floor, two as gyroscopes.
+const OF_ROTORS: usize = 16;
 /// Flights that must be heard: one alone may leave as much for another reason.
 const FLIGHTS: usize = 3;
 
@@ -70,7 +72,7 @@ pub fn thinning(flight: &Prepared, vehicle: &Vehicle) -> Option<Thinning> {
     };
     let motion = look.motion();
     // A regression that could explain anything explains nothing.
-    if rows < 8 * (motion.len() + 14) {
+    if rows < 8 * (motion.len() + OF_ROTORS) {
         return None;
     }
     let targets = [0, 1].map(|axis| {
@@ -190,7 +192,8 @@ impl Look<'_> {
             *command = (0..command.len()).map(|k| command[k - k % thinned]).collect();
         }
         let rotors = stretch.rotors(self.vehicle, &Adjustments::default(), self.period_s, 0.0);
-        let squares = rotors.map(|rotor| rotor.mean_rad_s.iter().map(|w| w * w).collect::<Vec<f64>>());
+        let squares =
+            rotors.each_ref().map(|rotor| rotor.mean_rad_s.iter().map(|w| w * w).collect::<Vec<f64>>());
         let last = squares[0].len() - 1;
         let mut columns: Vec<Vec<f64>> = motion.to_vec();
         for square in &squares {
@@ -203,6 +206,12 @@ impl Look<'_> {
         let [a, b, c, d] = &squares;
         columns.push(self.filtered(|k| (a[k] + d[k] - b[k] - c[k]) * near(k)));
         columns.push(self.filtered(|k| (a[k] + b[k] - c[k] - d[k]) * near(k)));
+        // In the reference craft pitch shows them ten times as much as noise, where roll hardly does.
+        let spins = self.vehicle.motors.spin.map(Spin::yaw_sign);
+        let turning = |k: usize| -> f64 {
+            rotors.iter().zip(spins).map(|(rotor, sign)| sign * rotor.mean_rad_s[k]).sum()
+        };
+        columns.extend([0, 1].map(|axis| self.filtered(|k| stretch.rate_rad_s[axis][k] * turning(k))));
         let mut matrix = DMatrix::from_fn(self.rows, columns.len(), |row, column| columns[column][row]);
         for mut column in matrix.column_iter_mut() {
             let size = column.norm();

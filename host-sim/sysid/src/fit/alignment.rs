@@ -30,7 +30,7 @@ use crate::fit::gauss_newton::{self, Linearised, Problem, Rule};
 use crate::fit::least_squares::RowColumn;
 use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
 use crate::fit::linearise::{About, residuals_at_rows};
-use crate::fit::low_frequency::{at_low_frequency, unless_contradicted};
+use crate::fit::low_frequency::{Estimate, at_low_frequency, unless_contradicted};
 use crate::fit::parameters::{step_end, store};
 use crate::fit::rotation::has_rotation;
 use crate::fit::swing::Known;
@@ -92,7 +92,7 @@ pub fn align(flights: &mut [&mut Prepared], model: &Model) -> Option<Model> {
     let low: Option<Vec<Prepared>> = flights.iter().map(|flight| of_commands(flight)).collect();
     let low = low.and_then(|mut low| found(&mut low.iter_mut().collect::<Vec<_>>()));
     let Some((offsets, fitted)) =
-        unless_contradicted(all, low, |(all, _), (low, _)| zip_with(all, low, Offset::difference))
+        unless_contradicted(all, low, |(offsets, _)| offsets.iter().map(|o| Some(o.estimate())).collect())
     else {
         leave_alone(flights);
         return None;
@@ -108,15 +108,11 @@ fn of_commands(flight: &Prepared) -> Option<Prepared> {
     (!flight.has_rotor_speeds()).then(|| at_low_frequency(flight)).flatten()
 }
 
-fn zip_with<T, U>(all: &[T], low: &[T], with: impl Fn(&T, &T) -> U) -> Vec<U> {
-    all.iter().zip(low).map(|(all, low)| with(all, low)).collect()
-}
-
 /// The offset of a flight under a model's coefficients.
 fn offset_of(flight: &Prepared, model: &Model) -> Option<Offset> {
     let of = |mut flight: Prepared| offset_alone(&mut flight, model).ok();
     let low = of_commands(flight).and_then(of);
-    unless_contradicted(of(flight.clone()), low, |all, low| vec![all.difference(low)])
+    unless_contradicted(of(flight.clone()), low, |offset| vec![Some(offset.estimate())])
 }
 
 /// Without rotation there is nothing sharp to see an offset by.
@@ -139,8 +135,10 @@ pub fn align_to(model: &Model, flights: &mut [&mut Prepared], reference: Referen
 pub fn name_wandering(flight: &mut Prepared, model: &Model) {
     let of = |flight: &Prepared| piece_offsets(flight, model).ok();
     let low = of_commands(flight).and_then(|low| of(&low));
-    let differences = |all: &Vec<_>, low: &Vec<_>| zip_with(all, low, difference_of_pieces);
-    let pieces = unless_contradicted(of(flight), low, differences).unwrap_or_default();
+    let estimates =
+        |pieces: &Vec<Option<PieceOffset>>| pieces.iter().map(|p| p.as_ref().map(estimate)).collect();
+    let pieces = unless_contradicted(of(flight), low, estimates).unwrap_or_default();
+    let pieces: Vec<PieceOffset> = pieces.into_iter().flatten().collect();
     let period_s = flight.period_s;
     let Some(alignment) = &mut flight.alignment else { return };
     let weight: f64 = pieces.iter().map(|p| p.std_error_s.powi(-2)).sum();
@@ -157,13 +155,12 @@ pub fn name_wandering(flight: &mut Prepared, model: &Model) {
     }
 }
 
-/// What the offset of a piece differs by from another, s, and the variance of that, s^2.
-fn difference_of_pieces(one: &PieceOffset, other: &PieceOffset) -> (f64, f64) {
-    (other.late_s - one.late_s, one.std_error_s.powi(2) + other.std_error_s.powi(2))
+fn estimate(piece: &PieceOffset) -> Estimate {
+    Estimate { value: piece.late_s, variance: piece.std_error_s.powi(2) }
 }
 
-/// Offset of each piece of a flight; pieces in which nothing shows it are left out.
-fn piece_offsets(flight: &Prepared, model: &Model) -> Result<Vec<PieceOffset>, Unidentifiable> {
+/// Offset of each piece of a flight; nothing for those in which nothing shows it.
+fn piece_offsets(flight: &Prepared, model: &Model) -> Result<Vec<Option<PieceOffset>>, Unidentifiable> {
     let stride = flight.fit_stride();
     let [shift, constants] = own_columns(flight, model);
     let rows = shift.iter().flatten().flatten().map(Vec::len).next().unwrap_or(0);
@@ -189,7 +186,8 @@ fn piece_offsets(flight: &Prepared, model: &Model) -> Result<Vec<PieceOffset>, U
         late_s: corrected_s - solution.value[k],
         std_error_s: solution.covariance[(k, k)].sqrt(),
     });
-    Ok(known.filter(|p| p.std_error_s < FARTHEST_SAMPLES * flight.period_s).collect())
+    let shows = |piece: &PieceOffset| piece.std_error_s < FARTHEST_SAMPLES * flight.period_s;
+    Ok(known.map(|piece| Some(piece).filter(shows)).collect())
 }
 
 /// Median dead time of flights of commands under a model's coefficients, beyond its effects', s: what [`Reference::Model`]
@@ -217,9 +215,8 @@ impl Offset {
     /// Before anything was found.
     const UNKNOWN: Self = Self { late_s: 0.0, variance_s2: f64::INFINITY, shared_s2: 0.0 };
 
-    /// What it differs by from another, s, and the variance of that, s^2.
-    fn difference(&self, other: &Self) -> (f64, f64) {
-        (other.late_s - self.late_s, self.variance_s2 + other.variance_s2)
+    fn estimate(&self) -> Estimate {
+        Estimate { value: self.late_s, variance: self.variance_s2 }
     }
 
     /// Variance of what is the flight's own. One that is much sharper than the others shares more with them than it has.

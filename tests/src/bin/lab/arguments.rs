@@ -44,7 +44,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", conflicts_with_all = ["quick", "seeds", "each"], value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub(crate) counts: Option<u64>,
 
-    /// Only trials that hide these (nothing, pairs, triples, changes, or identifiers of effects), or
+    /// Only trials that hide these (nothing, pairs, triples, beside, changes, or identifiers of effects), or
     /// of these conditions (conditions for all, floor, gaps, log-25-hz, ...)
     #[arg(long, value_name = "WHAT", num_args = 1..)]
     pub(crate) only: Vec<String>,

@@ -127,6 +127,7 @@ fn group(hidden: &Hidden) -> &'static str {
         Hidden::One(_) => "single",
         Hidden::Together(effects) if effects.len() == 2 => "pair",
         Hidden::Together(_) => "several",
+        Hidden::Beside(_) => "beside",
         Hidden::Outside(_) => "outside",
         Hidden::Change(_) => "change",
     }

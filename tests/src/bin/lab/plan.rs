@@ -22,8 +22,12 @@ pub(crate) const CHANGED: &str = "since then: ";
 const NOTHING_PER_SEED: u64 = 12;
 const PAIRS_PER_SEED: u64 = 12;
 const TRIPLES_PER_SEED: u64 = 6;
+/// Trials with one effect of the catalogue and one that it does not have, per seed.
+const BESIDE_PER_SEED: u64 = 12;
 /// Trials with nothing hidden for each of an effect, where answers are counted.
 const NOTHING_TO_COUNT: u64 = 9;
+/// Where their draws begin, apart from those of pairs and triples.
+const BESIDE_FROM: u64 = 1_000_000;
 /// Trials of each condition, and in a quick run.
 const EACH: [u64; 2] = [50, 2];
 /// Names all conditions in `--only`.
@@ -41,6 +45,8 @@ pub(crate) enum Hidden {
     Together(Vec<(&'static str, f64)>),
     /// What the catalogue does not have.
     Outside(&'static str),
+    /// One effect of the catalogue, and beside it one that the catalogue does not have, each with its strength.
+    Beside([(&'static str, f64); 2]),
     /// A craft whose model was good, and what happened to it since; nothing, perhaps.
     Change(Option<&'static str>),
 }
@@ -68,6 +74,13 @@ pub(crate) struct Trial {
     pub(crate) condition: Option<Condition>,
 }
 
+impl Hidden {
+    /// Whether more than one thing is hidden.
+    pub(crate) fn is_several(&self) -> bool {
+        matches!(self, Self::Together(_) | Self::Beside(_))
+    }
+}
+
 impl Trial {
     /// Effects to plant.
     pub(crate) fn planted(&self) -> Vec<(&'static str, f64)> {
@@ -76,6 +89,7 @@ impl Trial {
             Hidden::Change(Some(id)) => vec![(id, self.strength)],
             Hidden::One(id) | Hidden::Outside(id) => vec![(id, self.strength)],
             Hidden::Together(effects) => effects.clone(),
+            Hidden::Beside(effects) => effects.to_vec(),
         }
     }
 
@@ -94,6 +108,7 @@ impl Trial {
             Hidden::Change(Some(id)) => format!("{CHANGED}{id}"),
             Hidden::Change(None) => format!("{CHANGED}nothing"),
             Hidden::Together(effects) => effects.iter().map(|(id, _)| *id).collect::<Vec<_>>().join(" + "),
+            Hidden::Beside([(known, _), (unknown, _)]) => format!("{known} + {unknown}"),
         }
     }
 
@@ -202,7 +217,7 @@ impl Plan {
         for id in &known {
             plan.grid(&Hidden::One(id), &plan.strengths.clone(), &sizes.next(), rounds);
         }
-        for id in outside {
+        for &id in &outside {
             let strongest = plan.strengths[plan.strengths.len() - 1];
             plan.grid(&Hidden::Outside(id), &[strongest], &sizes.next(), 1);
         }
@@ -211,6 +226,7 @@ impl Plan {
         for (several, trials) in [(2, PAIRS_PER_SEED), (3, TRIPLES_PER_SEED)] {
             plan.several_effects(&known, several, per_seed(trials));
         }
+        plan.beside(&known, &outside, per_seed(BESIDE_PER_SEED));
         plan.changes(&mut sizes);
         plan.without_effect(&Hidden::Change(None), per_seed(NOTHING_PER_SEED));
         plan.conditions(arguments.each.unwrap_or(EACH[usize::from(arguments.quick)]));
@@ -232,6 +248,17 @@ impl Plan {
             let noise = self.noises[k as usize % self.noises.len()];
             let (strength, size) = (effects[0].1, Size::ALL[(k / 3) as usize % 3]);
             self.push(Hidden::Together(effects), strength, noise, size, k, several + 1);
+        }
+    }
+
+    /// Trials with an effect of the catalogue beside one that it does not have.
+    fn beside(&mut self, known: &[&'static str], outside: &[&'static str], per_seed: u64) {
+        for k in 0..self.seeds * per_seed {
+            let draw = |ids, k| together(ids, 1, self.first_seed, BESIDE_FROM + k)[0];
+            let ((of_known, strength), (of_outside, other)) = (draw(known, 2 * k), draw(outside, 2 * k + 1));
+            let noise = self.noises[k as usize % self.noises.len()];
+            let hidden = Hidden::Beside([(of_known, strength), (of_outside, other)]);
+            self.push(hidden, strength, noise, Size::ALL[(k / 3) as usize % 3], k, 3);
         }
     }
 
@@ -327,6 +354,7 @@ impl Plan {
                 name == CONDITIONS || trial.condition.is_some_and(|condition| condition.name() == *name)
             }
             Hidden::Together(effects) => name == if effects.len() == 2 { "pairs" } else { "triples" },
+            Hidden::Beside(_) => name == "beside",
             Hidden::Change(_) => name == "changes",
             _ => trial.label() == *name,
         };
@@ -337,7 +365,7 @@ impl Plan {
             names.dedup();
             names.extend(Condition::ALL.map(Condition::name));
             bail!(
-                "--only {unknown}: no trial hides that; there are: pairs, triples, changes, {CONDITIONS}, {}",
+                "--only {unknown}: no trial hides that; there are: pairs, triples, beside, changes, {CONDITIONS}, {}",
                 names.join(", ")
             );
         }

@@ -113,6 +113,12 @@ pub(crate) struct Scores {
     pub(crate) triples_right: Share,
     /// Threes that are all among those found.
     pub(crate) triples_all: Share,
+    /// One effect of the catalogue beside one that it does not have: the one found, nothing else, and something left.
+    pub(crate) beside_right: Share,
+    /// That one among those found.
+    pub(crate) beside_found: Share,
+    /// Something else called by the name of an effect.
+    pub(crate) beside_misnamed: Share,
     pub(crate) outside_unexplained: Share,
     /// Outside the catalogue, and called by the name of an effect.
     pub(crate) outside_misnamed: Share,
@@ -139,6 +145,8 @@ impl Scores {
         let nothing = || kind(|h| matches!(h, Hidden::Nothing));
         let pairs = || kind(|h| matches!(h, Hidden::Together(effects) if effects.len() == 2));
         let triples = || kind(|h| matches!(h, Hidden::Together(effects) if effects.len() == 3));
+        let beside = || kind(|h| matches!(h, Hidden::Beside(_)));
+        let known = |o: &Outcome| o.trial.planted()[0].0;
         let outside = || kind(|h| matches!(h, Hidden::Outside(_)));
         let is_verdict = |answer: &str| [ADEQUATE, UNEXPLAINED, NOT_IDENTIFIED].contains(&answer);
         let all = |o: &Outcome| o.trial.planted().iter().all(|(id, _)| o.found.contains(id));
@@ -159,6 +167,9 @@ impl Scores {
             pairs_both: Share::of(pairs(), all),
             triples_right: Share::of(triples(), Outcome::is_right),
             triples_all: Share::of(triples(), all),
+            beside_right: Share::of(beside(), Outcome::is_right),
+            beside_found: Share::of(beside(), |o| o.found.contains(&known(o))),
+            beside_misnamed: Share::of(beside(), |o| o.found.iter().any(|found| *found != known(o))),
             outside_unexplained: Share::of(outside(), Outcome::is_right),
             outside_misnamed: Share::of(outside(), |o| !is_verdict(&o.answer)),
             covered: Share { hits: distances().filter(|d| d.is_covered()).count(), of: distances().count() },
@@ -276,7 +287,7 @@ fn coverage(outcomes: &[Outcome]) -> Vec<Coverage> {
 
 fn confusion<'a>(outcomes: impl Iterator<Item = &'a Outcome>) -> BTreeMap<String, BTreeMap<String, usize>> {
     let mut rows: BTreeMap<String, BTreeMap<String, usize>> = BTreeMap::new();
-    for outcome in outcomes.filter(|o| !matches!(o.trial.hidden, Hidden::Together(_))) {
+    for outcome in outcomes.filter(|o| !o.trial.hidden.is_several()) {
         *rows.entry(outcome.trial.label()).or_default().entry(outcome.answer.clone()).or_default() += 1;
     }
     rows

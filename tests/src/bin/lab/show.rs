@@ -43,6 +43,9 @@ fn lead(scores: &Scores) -> String {
     say("both of a pair among those found:", scores.pairs_both);
     say("all of three and nothing else:", scores.triples_right);
     say("all of three among those found:", scores.triples_all);
+    say("one known beside one unknown, named alone and something left:", scores.beside_right);
+    say("one known beside one unknown, named:", scores.beside_found);
+    say("one known beside one unknown, and something else named:", scores.beside_misnamed);
     say("outside the catalogue and unexplained:", scores.outside_unexplained);
     say("outside the catalogue and misnamed:", scores.outside_misnamed);
     say("coefficients within their 95 % interval:", scores.covered);
@@ -201,7 +204,7 @@ fn failures(text: &mut String, scores: &Scores) {
 fn sentence(failure: &Failure) -> String {
     let trial = &failure.trial;
     let found = match trial.hidden {
-        Hidden::Together(_) => format!("found {}", listed(&failure.found)),
+        Hidden::Together(_) | Hidden::Beside(_) => format!("found {}", listed(&failure.found)),
         _ => failure.answer.clone(),
     };
     let mut text = format!("{}: {found}", named(trial));

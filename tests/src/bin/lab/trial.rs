@@ -88,6 +88,7 @@ impl Outcome {
             Hidden::One(id) => self.answer == *id,
             Hidden::Outside(_) => self.answer == UNEXPLAINED,
             Hidden::Together(_) => self.is_clean(),
+            Hidden::Beside([(known, _), _]) => self.found == [*known] && !self.unexplained.is_empty(),
         }
     }
 
