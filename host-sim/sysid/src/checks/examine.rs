@@ -35,7 +35,7 @@ pub enum FaultKind {
     WrongFrame,
     /// They contradict each other, not known why.
     InconsistentFrames,
-    /// A gyro that is not to scale, not at right angles, or drifts.
+    /// A gyro that is not to scale, not at right angles, drifts, or is rotated against the tracked attitude.
     GyroFault,
     /// An accelerometer that is not to scale, not at right angles, or drifts.
     AccelerometerFault,

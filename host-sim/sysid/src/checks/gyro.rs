@@ -41,8 +41,8 @@ fn turned(gyro: &Linear) -> Option<String> {
     let (turn_deg, error_deg) = gyro.turned_about_z_deg();
     (turn_deg.abs() > TURN_MATTERS_DEG.max(SIGNIFICANT * error_deg)).then(|| {
         format!(
-            "the gyro's axes are turned by {} about z against the tracked attitude: the tracked body or the gyro is not aligned with the craft; \
-             align both with the arms",
+            "the gyro's axes are rotated by {} about z relative to the tracked attitude: the gyro or the tracker's rigid body is misaligned \
+             with the craft; align both with the craft's axes",
             with_error(turn_deg, error_deg, "deg")
         )
     })
@@ -83,7 +83,7 @@ mod tests {
         let found = told(|_, rates| turned * rates);
         assert_eq!(found.len(), 1, "{found:?}");
         let (start, deg) = found[0].split_once(" by ").unwrap();
-        assert_eq!(start, "the gyro's axes are turned");
+        assert_eq!(start, "the gyro's axes are rotated");
         let deg: f64 = deg.split_whitespace().next().unwrap().parse().unwrap();
         assert!((deg - 2.0).abs() < 0.1, "{found:?}");
     }

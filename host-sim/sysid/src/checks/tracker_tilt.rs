@@ -31,8 +31,8 @@ fn sentence(down_deg: Vector2<f64>, error_deg: f64) -> Option<String> {
     let lean_deg = down_deg.norm();
     (lean_deg > MATTERS_DEG.max(SIGNIFICANT * error_deg)).then(|| {
         format!(
-            "the tracker's frame is not level: the accelerometer shows that gravity leans {} from the tracker's z axis, by {} deg towards x and \
-             {} deg towards y; without an accelerometer this looks like a steady wind; level the frame (set its ground plane anew)",
+            "the tracker's frame is not level: by the accelerometer, gravity is tilted {} from the tracker's z axis ({} deg towards +x, \
+             {} deg towards +y); in a log without an accelerometer this passes for a steady wind; level the frame (recalibrate its ground plane)",
             with_error(lean_deg, error_deg, "deg"),
             fixed(down_deg.x, 2),
             fixed(down_deg.y, 2)
@@ -91,8 +91,8 @@ mod tests {
             let (_, rest) = sentence.split_once(after).unwrap();
             rest.split(' ').next().unwrap().parse().unwrap()
         };
-        assert!((degrees("gravity leans ") - 1.5).abs() < 0.02, "{sentence}");
-        assert!((degrees("and ") + 1.5).abs() < 0.02, "{sentence}");
+        assert!((degrees("gravity is tilted ") - 1.5).abs() < 0.02, "{sentence}");
+        assert!((degrees("+x, ") + 1.5).abs() < 0.02, "{sentence}");
     }
 
     #[test]
