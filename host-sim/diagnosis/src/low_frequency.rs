@@ -51,6 +51,14 @@ fn part(all: &[f64], low: &[f64], covariance: &DMatrix<f64>) -> Option<f64> {
 mod tests {
     use super::*;
 
+    #[test]
+    fn a_dead_time_is_like_a_lag_and_like_nothing_else() {
+        assert!(is_like_at_low_frequency(Effect::MotorLag, Effect::InputDelay));
+        assert!(is_like_at_low_frequency(Effect::InputDelay, Effect::MotorLag));
+        assert!(!is_like_at_low_frequency(Effect::InputDelay, Effect::ThrustLinear));
+        assert!(!is_like_at_low_frequency(Effect::RotorMoments, Effect::MotorLag));
+    }
+
     /// The parts of two coefficients count by what is known of each: 0.2 of the one and all of the other, which is four times as well known.
     #[test]
     fn a_part_is_that_of_the_coefficients_that_are_known_best() {

@@ -239,6 +239,11 @@ mod tests {
 
     /// A craft that is kept level by a controller at 100 Hz with noise in its commands, 20 s, logged at every so-manieth row.
     fn flown(seed: u64, logged: usize) -> Flight {
+        flown_yawing(seed, logged, 0.0)
+    }
+
+    /// The same with rotors of the one spin that go so much quicker and slower than those of the other, rad/s.
+    fn flown_yawing(seed: u64, logged: usize, apart_rad_s: f64) -> Flight {
         let model = truth();
         let plant = Plant::new(&model);
         let substeps = plant.substeps(0.01, 4);
@@ -253,8 +258,13 @@ mod tests {
             let w = state.rate_rad_s;
             let roll = 60.0 * (0.15 * (1.1 * t).sin() + 0.08 * (5.3 * t).sin() - euler.x) - 14.0 * w.x;
             let pitch = 60.0 * (0.15 * (1.7 * t).cos() + 0.08 * (6.1 * t).cos() - euler.y) - 14.0 * w.y;
-            let command = [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)]
-                .map(|(r, p)| map.command_for(635.0 + 2.0 * r * roll + 2.0 * p * pitch, 12.0) + noise(2.5));
+            let yaw = apart_rad_s * (2.3 * t).sin();
+            let command = [(1.0, 1.0, 1.0), (-1.0, 1.0, -1.0), (-1.0, -1.0, 1.0), (1.0, -1.0, -1.0)].map(
+                |(r, p, y)| {
+                    let speed = 635.0 + 2.0 * r * roll + 2.0 * p * pitch + y * yaw;
+                    map.command_for(speed, 12.0) + noise(2.5)
+                },
+            );
             let mut row = [0.0; 15];
             row[0] = t;
             for i in 0..3 {
@@ -288,6 +298,14 @@ mod tests {
                 assert!(fault.starts_with("cmd1 to cmd4 look under-sampled: in each of 3 flights"));
             }
         }
+    }
+
+    /// Rotors that turn faster one way than the other make a pitch of a roll.
+    #[test]
+    fn rotors_that_are_gyroscopes_are_no_missing_commands() {
+        let found = of(&[1, 2, 3].map(|seed| flown_yawing(seed, 1, 40.0)));
+        assert!(found.iter().all(Option::is_some));
+        assert_eq!(of_flights(&found), None, "{found:?}");
     }
 
     /// Logged at 50 Hz and held for as long: all commands are there.
