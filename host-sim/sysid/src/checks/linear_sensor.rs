@@ -41,7 +41,7 @@ pub(super) struct Linear {
     error: Matrix3<f64>,
     /// Of the bias of each axis, its unit per second.
     drift: [(f64, f64); 3],
-    /// What the sensor has of each further column beside the tracked motion, with its error.
+    /// What the tracked motion has of each further column beside the sensed one, with its error.
     pub(super) further: Vec<(f64, f64)>,
     length_s: f64,
 }

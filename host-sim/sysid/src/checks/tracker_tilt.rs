@@ -19,8 +19,7 @@ pub(super) fn check(Comparison { rows, sideways }: &Comparison) -> Vec<String> {
     let found = rows.with_further(sideways).sensor_either_way();
     let leans = found.and_then(|sensor| {
         let [(x, x_error), (y, y_error)] = sensor.further.last_chunk()?;
-        // What the tracker's frame has more of than the accelerometer is not felt.
-        let down = -Vector2::new(*x, *y);
+        let down = Vector2::new(*x, *y);
         sentence(down.map(f64::to_degrees), x_error.hypot(*y_error).to_degrees())
     });
     leans.into_iter().collect()
