@@ -24,10 +24,10 @@ const PAIRS_PER_SEED: u64 = 12;
 const TRIPLES_PER_SEED: u64 = 6;
 /// Trials with one effect of the catalogue and one that it does not have, per seed.
 const BESIDE_PER_SEED: u64 = 12;
-/// Trials with nothing hidden for each of an effect, where answers are counted.
-const NOTHING_TO_COUNT: u64 = 9;
 /// Where their draws begin, apart from those of pairs and triples.
 const BESIDE_FROM: u64 = 1_000_000;
+/// Trials with nothing hidden for each of an effect, where answers are counted.
+const NOTHING_TO_COUNT: u64 = 9;
 /// Trials of each condition, and in a quick run.
 const EACH: [u64; 2] = [50, 2];
 /// Names all conditions in `--only`.
