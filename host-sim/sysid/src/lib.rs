@@ -12,7 +12,8 @@ mod testing;
 
 pub use checks::{Examined, Fault, FaultKind, Parts, Severity, Taken, examine, examine_parts};
 pub use compare::{Comparison, compare};
-pub use fit::alignment::{Reference, align, align_to};
+pub use fit::alignment::{align, align_to};
+pub use fit::clock_offset::Reference;
 pub use fit::closed_loop::{MotorsOfFlights, motors_of_flights};
 pub use fit::linearise::residuals;
 pub use fit::motor_response::{MotorResponse, motor_responses};

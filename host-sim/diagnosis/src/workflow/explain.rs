@@ -19,7 +19,7 @@ use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::headings::warn_of_one_heading;
-use crate::workflow::identify::{Rotation, fit_basic, tell_scatter, warn_of_clocks};
+use crate::workflow::identify::{Rotation, fit_basic, tell_doubts, tell_scatter, warn_of_clocks};
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Diagnosis, Options, Verdict};
@@ -147,6 +147,7 @@ pub fn explain(
         true => go_through(vehicle, sets, options, Rotation::Refused, observer)?,
         false => explanation,
     };
+    tell_doubts(explanation.last_model(), sets, observer);
     warn_of_clocks(sets, observer);
     warn_of_one_heading(&explanation.found(), sets, observer);
     (explanation.model, explanation.refinement) = refine(explanation.model, sets, rows, observer)?;
@@ -171,7 +172,7 @@ fn go_through(
         sets.concealed(|sets| {
             let again =
                 sets.has_weather().then(|| fit_basic(vehicle, sets, rotation, observer)).transpose()?;
-            let mut basic = again.map_or(fitted, |identified| identified.model);
+            let mut basic = again.map_or(fitted, |basic| basic.model);
             tell_scatter(&mut basic, sets);
             let comparison = sysid::compare(&basic, &sets.validate());
             Ok((basic, comparison))

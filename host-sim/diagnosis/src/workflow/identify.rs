@@ -1,8 +1,10 @@
 //! The basic model fitted to flights and judged on others.
 
 use model::{Effect, Model, Vehicle};
+use report::number::fixed;
 use sysid::fit::output_error::Rows;
-use sysid::{MotorsOfFlights, RefinementOutcome};
+use sysid::statistics::median;
+use sysid::{MotorsOfFlights, Prepared, RefinementOutcome};
 
 use crate::Options;
 use crate::mending::mending;
@@ -10,7 +12,7 @@ use crate::observer::{Observer, Progress};
 use crate::workflow::corrections::basic_model;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
-use crate::workflow::record::rotation_refused;
+use crate::workflow::record::rotation_refused as sentence_of_refused;
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 
@@ -36,12 +38,13 @@ pub fn identify(
 ) -> Result<Identified, WorkflowError> {
     sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
     let identified = fit_basic(vehicle, sets, Rotation::Mended(&Options::default()), observer)?;
+    let motors = tell_doubts(&identified.model, sets, observer);
     warn_of_clocks(sets, observer);
     let (mut model, refinement) = refine(identified.model, sets, rows, observer)?;
     if refinement.is_none() {
         tell_scatter(&mut model, sets);
     }
-    Ok(Identified { model, refinement, ..identified })
+    Ok(Identified { model, condition: identified.condition, motors, refinement })
 }
 
 /// What becomes of a rotation that is in doubt.
@@ -61,13 +64,20 @@ pub(crate) fn tell_scatter(model: &mut Model, sets: &FlightSets) {
     }
 }
 
-/// Fits the basic model, without rotation where that is refused. Its record is without the scatter between the flights.
+/// A basic model as it was fitted: its record is without the scatter between the flights.
+pub(crate) struct Basic {
+    pub(crate) model: Model,
+    /// Condition number of the column-scaled problem.
+    condition: f64,
+}
+
+/// Fits the basic model, without rotation where that is refused.
 pub(crate) fn fit_basic(
     vehicle: &Vehicle,
     sets: &mut FlightSets,
     rotation: Rotation<'_>,
     observer: &dyn Observer,
-) -> Result<Identified, WorkflowError> {
+) -> Result<Basic, WorkflowError> {
     if observer.is_cancelled() {
         return Err(WorkflowError::Cancelled);
     }
@@ -83,12 +93,12 @@ pub(crate) fn fit_basic(
         sets.align_training(&fit.model);
         sets.align_held_out(&fit.model);
     }
+    if !rotation_refused.is_empty() {
+        observer.warning(&sentence_of_refused(&rotation_refused));
+    }
     let mut model = fit.model;
     model.fit = Some(sets.record_without_scatter(&model, rotation_refused));
-    let motors = sysid::motors_of_flights(&model, &sets.train());
-    warn(&model, &motors, observer);
-    sets.add_faults_of_fit(&model);
-    Ok(Identified { model, condition: fit.condition, motors, refinement: None })
+    Ok(Basic { model, condition: fit.condition })
 }
 
 /// Why the rotation of a model is to be refused. Where motors push the wrong way, missing effects are tried first: one that mends
@@ -117,20 +127,39 @@ pub(crate) fn warn_of_clocks(sets: &FlightSets, observer: &dyn Observer) {
             observer.warning(&format!("{}: {note}", flight.path.display()));
         }
     }
+    if let Some(late_s) = late_in_all(&sets.train()) {
+        observer.warning(&format!(
+            "the logs have the motor commands about {} ms late: no craft answers before its command, so all flights are put on one clock \
+             before the fit; correct the clock of the logger",
+            fixed(1e3 * late_s, 0)
+        ));
+    }
 }
 
-/// Doubts about a model, one sentence each.
-fn warn(model: &Model, motors: &[MotorsOfFlights], observer: &dyn Observer) {
-    let record = model.fit.as_ref();
-    if let Some(reasons) = record.map(|fit| &fit.rotation_refused).filter(|reasons| !reasons.is_empty()) {
-        observer.warning(&rotation_refused(reasons));
-    }
+/// How late the commands of all flights are by their logs, where they were put right; nothing where some were in time.
+fn late_in_all(flights: &[&Prepared]) -> Option<f64> {
+    let late_s = |flight: &&Prepared| Some(flight.rotor_late_s()).filter(|late_s| *late_s > 0.0);
+    let mut all: Vec<f64> = flights.iter().map(late_s).collect::<Option<_>>()?;
+    let of_commands = flights.len() > 1 && flights.iter().all(|flight| !flight.has_rotor_speeds());
+    median(&mut all).filter(|_| of_commands)
+}
+
+/// Says what of a model is in doubt: signs, motors that follow how the flights were flown, a vehicle file or flights of another craft. For
+/// the end of the work: with a strong moment missing, motors come out too weak. Returns the motors flight by flight.
+pub(crate) fn tell_doubts(
+    model: &Model,
+    sets: &mut FlightSets,
+    observer: &dyn Observer,
+) -> Vec<MotorsOfFlights> {
     for doubt in sysid::impossible_signs(model) {
         observer.warning(&doubt);
     }
+    let motors = sysid::motors_of_flights(model, &sets.train());
     for warning in motors.iter().filter_map(|m| m.warning.as_ref()) {
         observer.warning(warning);
     }
+    sets.add_faults_of_fit(model);
+    motors
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 pub mod alignment;
 mod assembly;
 pub mod balance;
+pub mod clock_offset;
 pub mod closed_loop;
 mod doubts;
 mod error;
