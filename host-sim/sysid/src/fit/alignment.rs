@@ -75,32 +75,41 @@ pub fn align(flights: &mut [&mut Prepared], model: &Model) -> Option<Model> {
     let linear: Vec<Effect> =
         model.effects().into_iter().filter(|e| e.info().kind != Kind::Adjusting).collect();
     let measured = flights.iter().all(|f| f.has_rotor_speeds());
-    let mut along = linear.clone();
-    along.extend(fitted_beside(measured).filter(|e| !linear.contains(e)));
-    let found = |flights: &mut [&mut Prepared]| {
-        offsets_together(flights, model, &along).or_else(|_| offsets_together(flights, model, &linear)).ok()
+    let with = |beside: Vec<Effect>| -> Vec<Effect> {
+        let new: Vec<Effect> = beside.into_iter().filter(|e| !linear.contains(e)).collect();
+        linear.iter().copied().chain(new).collect()
     };
-    let all = found(flights);
+    let sets = [with(fitted_beside(measured)), with(least_beside(measured)), linear.clone()];
+    let found = |flights: &mut [&mut Prepared], sets: &[Vec<Effect>]| {
+        sets.iter().find_map(|set| offsets_together(flights, model, set).ok())
+    };
+    // Moments that the model lacks are fitted beside the commands where they explain the rotation: else, they would explain anything.
+    let beside = found(flights, &sets[..1])
+        .filter(|(_, fitted)| measured || explains_rotation(flights.iter().map(|f| &**f), fitted));
+    let first = usize::from(beside.is_none());
+    let all = beside.or_else(|| found(flights, &sets[1..]));
     let low: Option<Vec<Prepared>> = flights.iter().map(|flight| of_commands(flight)).collect();
-    let low = low.and_then(|mut low| found(&mut low.iter_mut().collect::<Vec<_>>()));
+    let low = low.and_then(|mut low| found(&mut low.iter_mut().collect::<Vec<_>>(), &sets[first..]));
     let Some((offsets, fitted)) =
         unless_contradicted(all, low, |(offsets, _)| offsets.iter().map(|o| Some(o.estimate())).collect())
     else {
         leave_alone(flights);
         return None;
     };
-    if !(are_of_loggers(flights, &offsets) && corrects(flights, &offsets, &fitted)) {
+    correct(flights, &offsets);
+    let of_loggers =
+        are_of_loggers(flights, &offsets) && explains_rotation(flights.iter().map(|f| &**f), &fitted);
+    if !of_loggers {
         decide(flights, &offsets, Reference::Flights);
     }
     flights.iter_mut().for_each(|flight| name_wandering(flight, &fitted));
     (!measured).then_some(fitted)
 }
 
-/// Puts flights right by all of their offsets, and says whether the model explains their rotation then. A controller answers what the model lacks, and
-/// where that is much, the commands seem to come late, in all flights alike.
-fn corrects(flights: &mut [&mut Prepared], offsets: &[Offset], model: &Model) -> bool {
-    correct(flights, offsets);
-    let left: Vec<_> = flights.iter().map(|f| residuals_at_rows(f, model, f.fit_stride())).collect();
+/// Whether a model explains the roll and pitch of flights, as they are aligned. A controller answers what the model lacks, and where that is
+/// much, the commands seem to come late, in all flights alike.
+fn explains_rotation<'a>(flights: impl Iterator<Item = &'a Prepared>, model: &Model) -> bool {
+    let left: Vec<_> = flights.map(|f| residuals_at_rows(f, model, f.fit_stride())).collect();
     let errors = errors(&left);
     [Axis::P, Axis::Q].into_iter().all(|axis| errors[axis].r2 > EXPLAINED)
 }
@@ -330,14 +339,21 @@ impl Problem for Together<'_, '_> {
 }
 
 /// Effects that pass for an offset of the clocks where they are left out; the lag of the rotors only where commands were logged.
-fn fitted_beside(measured: bool) -> impl Iterator<Item = Effect> {
+fn fitted_beside(measured: bool) -> Vec<Effect> {
     let is_one = |effect: &Effect| {
         let special = &effect.info().special;
         special.aligned_with && !(special.of_actuators && measured)
     };
     let all: Vec<Effect> = Effect::all().filter(is_one).collect();
     // The last of the catalogue first: the order of columns decides how sums are rounded.
-    all.into_iter().rev()
+    all.into_iter().rev().collect()
+}
+
+/// Those of them that are fitted in any case: of rotors whose speeds were measured all, of commands the lag.
+fn least_beside(measured: bool) -> Vec<Effect> {
+    let mut all = fitted_beside(measured);
+    all.retain(|effect| effect.info().special.of_actuators != measured);
+    all
 }
 
 fn limited(step_s: f64, late_s: f64, period_s: f64) -> f64 {
@@ -348,17 +364,29 @@ fn limited(step_s: f64, late_s: f64, period_s: f64) -> f64 {
 
 /// The offset of a flight under a model whose coefficients stay, constants of the flight aside.
 fn offset_alone(flight: &mut Prepared, model: &Model) -> Result<Offset, Unidentifiable> {
+    let measured = flight.has_rotor_speeds();
     let is_missing = |effect: &Effect| !model.has(*effect) && effect.info().kind != Kind::Adjusting;
-    let along: Vec<Effect> = fitted_beside(flight.has_rotor_speeds()).filter(is_missing).collect();
-    settle_alone(flight, model, &along).or_else(|_| settle_alone(flight, model, &[]))
+    let along: Vec<Effect> = fitted_beside(measured).into_iter().filter(is_missing).collect();
+    if !along.is_empty()
+        && let Ok((offset, fitted)) = settle_alone(flight, model, &along)
+        && (measured || explains_rotation(std::iter::once(&*flight), &fitted))
+    {
+        return Ok(offset);
+    }
+    settle_alone(flight, model, &[]).map(|(offset, _)| offset)
 }
 
-fn settle_alone(flight: &mut Prepared, model: &Model, along: &[Effect]) -> Result<Offset, Unidentifiable> {
+fn settle_alone(
+    flight: &mut Prepared,
+    model: &Model,
+    along: &[Effect],
+) -> Result<(Offset, Model), Unidentifiable> {
     let mut model = model.clone();
     join(&mut model, along);
     let mut problem = Alone { flight, model, along, offset: Offset::UNKNOWN };
     gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?;
-    Ok(problem.offset)
+    try_offset(problem.flight, problem.offset.late_s);
+    Ok((problem.offset, problem.model))
 }
 
 /// A flight whose offset is looked for under a model's coefficients, with those of a few effects.
