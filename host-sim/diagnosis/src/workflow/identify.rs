@@ -129,8 +129,8 @@ pub(crate) fn warn_of_clocks(sets: &FlightSets, observer: &dyn Observer) {
     }
     if let Some(late_s) = late_in_all(&sets.train()) {
         observer.warning(&format!(
-            "the logs have the motor commands about {} ms late: no craft answers before its command, so all flights are put on one clock \
-             before the fit; correct the clock of the logger",
+            "all logs stamp the motor commands about {} ms late: the craft seems to answer before its command. They are shifted earlier \
+             before the fit; fix the logger's time stamps",
             fixed(1e3 * late_s, 0)
         ));
     }

@@ -9,9 +9,11 @@
 //! linear coefficients, which they share, and with a constant of each flight in the rotor rows; a held-out flight by itself
 //! with the coefficients as they are. Yaw is sharpest where rotor speeds were measured: the torque of the
 //! rotors' own acceleration turns by a quarter period what the reaction torque does, so `rotor-inertia` (and
-//! `flapping-moment`, which would otherwise lean on the motors) is fitted along for the alignment alone: a controller answers
-//! the moment of flapping late, as if by the clock. Where commands were logged, so is the lag of the rotors (`motor-lag`): one that the model has wrong delays slow motions more than quick
-//! ones, and a flight that moves in another way than the others would seem to have another clock.
+//! `flapping-moment`, which would otherwise lean on the motors) is fitted along for the alignment alone. Where commands
+//! were logged, so is the lag of the rotors (`motor-lag`): one that the model has wrong delays slow motions more than quick
+//! ones, and a flight that moves in another way than the others would seem to have another clock. There, the others are fitted
+//! along only where the rotation is explained with them: a controller answers late what a model lacks, as if by the clock,
+//! and where much is lacking, more columns do not help.
 //!
 //! **Clock or physics?** A measured rotor speed acts at once: any offset is a fault of the log's clock. A command acts
 //! late for physical reasons, the same in every flight of the craft (`input-delay`, `motor-lag`): only what a flight
@@ -538,8 +540,7 @@ mod tests {
         }
     }
 
-    /// Where a craft flaps and the model does not, the controller answers that moment late: it must not pass for the clock's. Without flapping
-    /// fitted beside, the offsets of these flights are off by 5 ms and more.
+    /// Where a craft flaps and the model does not, the controller answers that moment late: it must not pass for the clock's.
     #[test]
     fn commands_late_in_all_logs_are_found_beside_a_moment_that_the_model_lacks() {
         println!("seeds 60 to 62");
