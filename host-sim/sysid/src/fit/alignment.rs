@@ -546,7 +546,7 @@ mod tests {
         println!("seeds 60 to 62");
         let mut craft = truth();
         craft.set(Effect::FlappingMoment, &[-3.78, 2.75]);
-        let mut flights: Vec<Flight> = (60..63).map(|seed| fly(&craft, seed, 30.0, &FED_BACK)).collect();
+        let mut flights: Vec<Flight> = (60..63).map(|seed| fly(&craft, seed, 12.0, &NONE)).collect();
         for flight in &mut flights {
             for column in [Column::Cmd1, Column::Cmd2, Column::Cmd3, Column::Cmd4] {
                 let mut commands = flight.required(column).to_vec();
