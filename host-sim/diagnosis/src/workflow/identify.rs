@@ -12,7 +12,7 @@ use crate::observer::{Observer, Progress};
 use crate::workflow::corrections::basic_model;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
-use crate::workflow::record::rotation_refused as sentence_of_refused;
+use crate::workflow::record::rotation_refused;
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 
@@ -86,18 +86,18 @@ pub(crate) fn fit_basic(
     let aligned = sets.align_training(&basic_model(vehicle));
     let mut fit = sysid::fit(&sets.train(), vehicle, &basic, None).map_err(|why| sets.blame(why))?;
     sets.align_held_out(aligned.as_ref().unwrap_or(&fit.model));
-    let rotation_refused = doubts(&fit.model, sets, rotation, observer)?;
-    if !rotation_refused.is_empty() {
+    let refused = doubts(&fit.model, sets, rotation, observer)?;
+    if !refused.is_empty() {
         let forces = sysid::without_rotation(&basic);
         fit = sysid::fit(&sets.train(), vehicle, &forces, None).map_err(|why| sets.blame(why))?;
         sets.align_training(&fit.model);
         sets.align_held_out(&fit.model);
     }
-    if !rotation_refused.is_empty() {
-        observer.warning(&sentence_of_refused(&rotation_refused));
+    if !refused.is_empty() {
+        observer.warning(&rotation_refused(&refused));
     }
     let mut model = fit.model;
-    model.fit = Some(sets.record_without_scatter(&model, rotation_refused));
+    model.fit = Some(sets.record_without_scatter(&model, refused));
     Ok(Basic { model, condition: fit.condition })
 }
 
@@ -136,7 +136,8 @@ pub(crate) fn warn_of_clocks(sets: &FlightSets, observer: &dyn Observer) {
     }
 }
 
-/// How late the commands of all flights are by their logs, where they were put right; nothing where some were in time.
+/// How late the commands of all flights are by their logs, where they were put right; nothing where some were in time. Flights that differ by
+/// a clock of their own are counted from their median, so some of them are in time or early.
 fn late_in_all(flights: &[&Prepared]) -> Option<f64> {
     let late_s = |flight: &&Prepared| Some(flight.rotor_late_s()).filter(|late_s| *late_s > 0.0);
     let mut all: Vec<f64> = flights.iter().map(late_s).collect::<Option<_>>()?;

@@ -29,7 +29,7 @@ use std::ops::ControlFlow;
 use model::{Axis, Effect, Kind, Model};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::fit::clock_offset::{Offset, Reference, are_of_loggers, correct, decide};
+use crate::fit::clock_offset::{Offset, Reference, are_of_loggers, correct, decide, put_right};
 use crate::fit::gauss_newton::{self, Linearised, Problem, Rule};
 use crate::fit::least_squares::RowColumn;
 use crate::fit::least_squares::{self, FlightRows, Solution, Unidentifiable};
@@ -39,7 +39,7 @@ use crate::fit::parameters::{step_end, store};
 use crate::fit::residuals::errors;
 use crate::fit::rotation::has_rotation;
 use crate::fit::swing::Known;
-use crate::prepare::{Alignment, PieceOffset, Prepared};
+use crate::prepare::{PieceOffset, Prepared};
 use crate::statistics::median;
 
 /// Length of the pieces of a flight whose offsets are compared, s.
@@ -219,7 +219,7 @@ pub fn common_delay_s(model: &Model, flights: &[&Prepared]) -> Option<f64> {
 
 /// Sets the offset under which the next residual is formed.
 fn try_offset(flight: &mut Prepared, late_s: f64) {
-    flight.alignment = Some(Alignment { late_s, std_error_s: 0.0, corrected: true, wandering: Vec::new() });
+    put_right(flight, late_s, 0.0);
 }
 
 /// Offsets of flights that share the coefficients of `effects`.

@@ -116,13 +116,13 @@ pub(crate) fn are_of_loggers(flights: &[&mut Prepared], offsets: &[Offset]) -> b
 /// Puts right by all of the offsets, what they have in common too.
 pub(crate) fn correct(flights: &mut [&mut Prepared], offsets: &[Offset]) {
     for (flight, offset) in flights.iter_mut().zip(offsets) {
-        flight.alignment = Some(Alignment {
-            late_s: offset.late_s,
-            std_error_s: offset.variance_s2.sqrt(),
-            corrected: true,
-            wandering: Vec::new(),
-        });
+        put_right(flight, offset.late_s, offset.variance_s2.sqrt());
     }
+}
+
+/// Brings the rotor samples of a flight forward by what they come late.
+pub(crate) fn put_right(flight: &mut Prepared, late_s: f64, std_error_s: f64) {
+    flight.alignment = Some(Alignment { late_s, std_error_s, corrected: true, wandering: Vec::new() });
 }
 
 #[cfg(test)]
