@@ -119,6 +119,12 @@ pub(crate) const PARTS: &[Step] = &[
         run: forms,
     },
     Step {
+        name: "real flights",
+        about: "craft and calm days of others beside those of every change: the same is found in them",
+        tools: &[],
+        run: real_flights,
+    },
+    Step {
         name: "wheel",
         about: "the Python package as a wheel, built by maturin and installed: it passes the package's tests",
         tools: &[&PEERS],
@@ -257,6 +263,13 @@ fn forms(_: &Workspace) -> Result<Outcome> {
         "--ignored",
         "--show-output",
     ]);
+    Ok(Outcome::Ran(harness(command)?))
+}
+
+/// The tests of real flights that take minutes.
+fn real_flights(_: &Workspace) -> Result<Outcome> {
+    let command =
+        cargo(["test", "--workspace", "--test", "real_flights", "--", "--ignored", "--show-output"]);
     Ok(Outcome::Ran(harness(command)?))
 }
 

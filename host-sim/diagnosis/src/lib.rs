@@ -65,4 +65,5 @@ pub use options::Options;
 pub use ranking::separating_manoeuvre;
 pub use reason::Reason;
 pub use search_error::SearchError;
+pub use stand_ins::StandIn;
 pub use unidentified::recorded;

@@ -283,6 +283,11 @@ fn write_no_anchor(f: &mut fmt::Formatter<'_>, place_ned_m: [f64; 3]) -> fmt::Re
 }
 
 impl Reason {
+    /// Whether the effect explains part of the error, and was taken for a stand-in of something unknown.
+    pub(crate) fn is_stand_in(&self) -> bool {
+        matches!(self, Self::AnswersLate | Self::AboveNoise { .. } | Self::LeavesMore { .. })
+    }
+
     /// What the flights say of an effect that is certain on those of the fit.
     fn write_of_flights(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

@@ -1,11 +1,48 @@
 //! What the supported effects leave, and which of them are therefore stand-ins for something that nobody looked for.
 
+use model::{Axis, Effect};
+use schemars::JsonSchema;
+use serde::Serialize;
 use sysid::prepare::Prepared;
 
 use crate::criteria::{ABOVE_NOISE, LEFT_BY_THE_RIGHT, Left, stand_in};
-use crate::finding::{EffectFinding, Unexplained};
+use crate::finding::{Diagnosis, EffectFinding, Unexplained};
 use crate::held_out::Validated;
 use crate::noise;
+use crate::reason::Reason;
+
+/// Fall of the squared error of one axis, percent, from which on an effect that was refused may well be there.
+const MUCH_PERCENT: f64 = 50.0;
+
+/// An effect that takes much of the error, and was refused because of what it leaves: it stands for something unknown, or is there beside
+/// it.
+#[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
+pub struct StandIn {
+    /// Which.
+    pub effect: Effect,
+    /// The axis that it takes most of.
+    pub axis: Axis,
+    /// Fall of the held-out squared error of that axis, percent.
+    pub drop_percent: f64,
+    /// Why it was refused.
+    pub reason: Reason,
+}
+
+impl Diagnosis {
+    /// The effects that take much of the error, and were refused because of what they leave.
+    pub fn stand_ins(&self) -> Vec<StandIn> {
+        let refused = self.effects.iter().filter(|finding| finding.reason.is_stand_in());
+        let of = |finding: &EffectFinding| {
+            Some(StandIn {
+                effect: finding.effect,
+                axis: finding.main_axis()?,
+                drop_percent: finding.largest_drop_percent(),
+                reason: finding.reason.clone(),
+            })
+        };
+        refused.filter_map(of).filter(|stand_in| stand_in.drop_percent >= MUCH_PERCENT).collect()
+    }
+}
 
 /// Takes back the support of every stand-in. Returns whether there was any.
 pub(crate) fn refuse_stand_ins(findings: &mut [EffectFinding], left: &Left<'_>) -> bool {
@@ -48,10 +85,9 @@ pub(crate) fn incomplete(before: &[Option<f64>; 6], after: &[Option<f64>; 6]) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::conclusion::conclude;
     use crate::dependence::Dependence;
     use crate::finding::AxisDrop;
-    use crate::reason::Reason;
-    use model::{Axis, Effect};
 
     fn taking(effect: Effect, drops: &[(&'static str, f64)]) -> EffectFinding {
         let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
@@ -97,6 +133,25 @@ mod tests {
         assert!(refuse_stand_ins(&mut findings, &left));
         assert!(findings[0].supported);
         assert_eq!(findings[1].reason, Reason::AboveNoise { axis: Axis::W });
+    }
+
+    #[test]
+    fn what_takes_most_of_an_axis_is_told_though_it_was_refused() {
+        let of = |effect: Effect, percent: f64, reason: Reason| {
+            let mut finding = taking(effect, &[("u", 10.0), ("w", percent)]);
+            finding.refuse(reason);
+            finding
+        };
+        let above = Reason::AboveNoise { axis: Axis::W };
+        let findings = vec![
+            of(Effect::GroundEffect, 94.0, above.clone()),
+            of(Effect::BatteryVoltage, 49.0, above.clone()),
+            of(Effect::TranslationalLift, 90.0, Reason::LikeChance),
+        ];
+        let told = conclude(findings, Vec::new(), Vec::new()).stand_ins();
+        let expected =
+            StandIn { effect: Effect::GroundEffect, axis: Axis::W, drop_percent: 94.0, reason: above };
+        assert_eq!(told, [expected]);
     }
 
     #[test]

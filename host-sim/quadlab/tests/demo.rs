@@ -61,6 +61,10 @@ fn found_with_its_strength(seed: &str, effect: &str) {
     for file in ["basic.toml", "better.toml", "flights/A.csv", "flights/E.csv", "flights/vehicle.toml"] {
         assert!(out.join(file).is_file(), "seed {seed}: {file}");
     }
+    for file in ["basic.toml", "better.toml"] {
+        let model = model::Model::read(&out.join(file)).unwrap();
+        assert!(!model.fit.unwrap().scatter.is_empty(), "seed {seed}: new flights are held against {file}");
+    }
     falls(&text, seed);
 }
 

@@ -37,7 +37,8 @@ pub fn add(
         sets.judge_clocks(&better, effect);
         warn_of_one_heading(&[effect], sets, observer);
     }
-    let (model, refinement) = refine(better, sets, rows, observer)?;
+    let (mut model, refinement) = refine(better, sets, rows, observer)?;
+    sets.record_scatter(&mut model);
     Ok(Added { model, addition, refinement })
 }
 
@@ -117,6 +118,8 @@ mod tests {
         assert_eq!(entry.effect, "quadratic-yaw-damping");
         assert_eq!(entry.supported, added.addition.finding.supported);
         assert_eq!((entry.sse_before, entry.sse_after), (added.addition.before, added.addition.after));
-        assert_eq!(added.model.fit.unwrap().rotation_refused, ["kept"]);
+        let record = added.model.fit.unwrap();
+        assert_eq!(record.rotation_refused, ["kept"]);
+        assert!(!record.scatter.is_empty(), "new flights can be held against it");
     }
 }

@@ -19,7 +19,7 @@ use crate::workflow::add::join;
 use crate::workflow::diagnose::search;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::headings::warn_of_one_heading;
-use crate::workflow::identify::{Rotation, fit_basic, tell_doubts, tell_scatter, warn_of_clocks};
+use crate::workflow::identify::{Rotation, fit_basic, tell_doubts, warn_of_clocks};
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
 use crate::{Addition, Diagnosis, Options, Verdict};
@@ -88,6 +88,14 @@ impl Explanation {
         self.steps.last().map_or(&self.basic, |step| &step.model)
     }
 
+    /// The models on the way to the last. One that is kept as well needs [`record_scatter`](FlightSets::record_scatter) before new flights
+    /// are held against it.
+    pub fn on_the_way_mut(&mut self) -> impl Iterator<Item = &mut Model> {
+        let before_last = self.steps.len();
+        let steps = self.steps.iter_mut().map(|step| &mut step.model);
+        std::iter::once(&mut self.basic).chain(steps).take(before_last)
+    }
+
     /// What is found in the basic model.
     pub fn first_diagnosis(&self) -> &Diagnosis {
         self.steps.first().map_or(&self.last_diagnosis, |step| &step.diagnosis)
@@ -150,7 +158,12 @@ pub fn explain(
     tell_doubts(explanation.last_model(), sets, observer);
     warn_of_clocks(sets, observer);
     warn_of_one_heading(&explanation.found(), sets, observer);
-    (explanation.model, explanation.refinement) = refine(explanation.model, sets, rows, observer)?;
+    let last = explanation.steps.last_mut().map_or(&mut explanation.basic, |step| &mut step.model);
+    sets.record_scatter(last);
+    (explanation.model, explanation.refinement) = refine(last.clone(), sets, rows, observer)?;
+    if explanation.refinement.is_some() {
+        sets.record_scatter(&mut explanation.model);
+    }
     let verdicts = explanation.verdicts();
     if let Some(record) = &mut explanation.model.fit {
         record.verdicts = Some(verdicts);
@@ -172,8 +185,7 @@ fn go_through(
         sets.concealed(|sets| {
             let again =
                 sets.has_weather().then(|| fit_basic(vehicle, sets, rotation, observer)).transpose()?;
-            let mut basic = again.map_or(fitted, |basic| basic.model);
-            tell_scatter(&mut basic, sets);
+            let basic = again.map_or(fitted, |basic| basic.model);
             let comparison = sysid::compare(&basic, &sets.validate());
             Ok((basic, comparison))
         })
@@ -443,6 +455,16 @@ mod tests {
             assert_eq!(taken_out, if stays { Vec::new() } else { vec![out] });
             assert_eq!(steps.last().unwrap().model.has(Effect::WindShear), stays);
         }
+    }
+
+    #[test]
+    fn the_last_model_is_not_on_the_way() {
+        let steps = vec![step(Effect::SteadyWind), step(Effect::WindShear)];
+        let mut explanation = explanation(steps, Verdict::Adequate);
+        let on_the_way: Vec<Model> = explanation.on_the_way_mut().map(|model| model.clone()).collect();
+        assert_eq!(on_the_way, [explanation.basic.clone(), explanation.steps[0].model.clone()]);
+        explanation.steps.clear();
+        assert_eq!(explanation.on_the_way_mut().count(), 0);
     }
 
     #[test]

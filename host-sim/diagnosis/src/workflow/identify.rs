@@ -41,9 +41,7 @@ pub fn identify(
     let motors = tell_doubts(&identified.model, sets, observer);
     warn_of_clocks(sets, observer);
     let (mut model, refinement) = refine(identified.model, sets, rows, observer)?;
-    if refinement.is_none() {
-        tell_scatter(&mut model, sets);
-    }
+    sets.record_scatter(&mut model);
     Ok(Identified { model, condition: identified.condition, motors, refinement })
 }
 
@@ -56,15 +54,7 @@ pub(crate) enum Rotation<'a> {
     Refused,
 }
 
-/// Adds to the record of a model how far its flights scatter about it.
-pub(crate) fn tell_scatter(model: &mut Model, sets: &FlightSets) {
-    let scatter = sets.scatter(model);
-    if let Some(fit) = &mut model.fit {
-        fit.scatter = scatter;
-    }
-}
-
-/// A basic model as it was fitted: its record is without the scatter between the flights.
+/// A basic model as it was fitted.
 pub(crate) struct Basic {
     pub(crate) model: Model,
     /// Condition number of the column-scaled problem.
@@ -97,7 +87,7 @@ pub(crate) fn fit_basic(
         observer.warning(&rotation_refused(&refused));
     }
     let mut model = fit.model;
-    model.fit = Some(sets.record_without_scatter(&model, refused));
+    model.fit = Some(sets.record(&model, refused));
     Ok(Basic { model, condition: fit.condition })
 }
 

@@ -1,6 +1,6 @@
 //! What a model file says of its fit.
 
-use model::{Axis, AxisError, ChangeScatter, FitRecord, FlightRecord, FlightRole, Model};
+use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model};
 use sysid::{Prepared, Residuals};
 
 use crate::change_scatter::scatter;
@@ -10,24 +10,8 @@ use crate::workflow::sets::FlightSets;
 
 impl FlightSets {
     /// The flights behind a model, its errors on both sets, and what of it they do not determine. `rotation_refused` says why it
-    /// has no rotation.
+    /// has no rotation. How far the flights scatter about it comes with [`record_scatter`](Self::record_scatter).
     pub(crate) fn record(&self, model: &Model, rotation_refused: Vec<String>) -> FitRecord {
-        FitRecord { scatter: self.scatter(model), ..self.record_without_scatter(model, rotation_refused) }
-    }
-
-    /// The same of a model that another one became: why that had no rotation is true of it as well.
-    pub(crate) fn record_after(&self, before: &Model, model: &Model) -> FitRecord {
-        self.record(model, before.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone()))
-    }
-
-    /// How far each change's estimate scatters between the flights: as much work as many fits, of which only the last model needs it.
-    pub(crate) fn scatter(&self, model: &Model) -> Vec<ChangeScatter> {
-        let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
-        scatter(model, &all)
-    }
-
-    /// The record of a model that will be refined.
-    pub(crate) fn record_without_scatter(&self, model: &Model, rotation_refused: Vec<String>) -> FitRecord {
         let mut flights = entries(self.training.loaded(), FlightRole::Train);
         flights.extend(entries(self.held_out.loaded(), FlightRole::Validate));
         let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
@@ -48,6 +32,21 @@ impl FlightSets {
             rotation_refused,
             not_identified,
             ..FitRecord::default()
+        }
+    }
+
+    /// The same of a model that another one became: why that had no rotation is true of it as well.
+    pub(crate) fn record_after(&self, before: &Model, model: &Model) -> FitRecord {
+        self.record(model, before.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone()))
+    }
+
+    /// Adds to the record of a model how far each change's estimate scatters between the flights. New flights are held against that, so
+    /// a model that is kept needs it; it is as much work as many fits, so one on the way to another does not.
+    pub fn record_scatter(&self, model: &mut Model) {
+        let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
+        let scatter = scatter(model, &all);
+        if let Some(fit) = &mut model.fit {
+            fit.scatter = scatter;
         }
     }
 }

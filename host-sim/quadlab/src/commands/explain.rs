@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use diagnosis::workflow::{self, Explanation};
-use diagnosis::{Discovery, Unexplained, Verdict};
+use diagnosis::{Discovery, StandIn, Unexplained, Verdict};
 use model::{Effect, NotIdentified, PerAxis, PerGroup};
 use report::Page;
 use schemars::JsonSchema;
@@ -18,7 +18,7 @@ use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
-use crate::render::{discovery, discovery_page, pages, tables};
+use crate::render::{discovery, discovery_page, pages, stand_ins, tables};
 
 /// Identify the basic model, then add effects until the flights support no further one.
 ///
@@ -121,7 +121,12 @@ fn text(options: &Options, explanation: &Explanation) -> String {
     );
     text.push_str(&format!("\n{}", tables::coefficients(&explanation.model).to_text()));
     let last = &explanation.last_diagnosis;
-    for grid in [tables::unexplained(&last.unexplained), tables::not_identified(&last.not_identified)] {
+    let grids = [
+        tables::unexplained(&last.unexplained),
+        stand_ins::table(&last.stand_ins()),
+        tables::not_identified(&last.not_identified),
+    ];
+    for grid in grids {
         if grid.has_rows() {
             text.push_str(&format!("\n{}", grid.to_text()));
         }
@@ -151,6 +156,9 @@ pub(crate) struct Document<'a> {
     sse_first: PerAxis<f64>,
     sse_last: PerAxis<f64>,
     unexplained: &'a [Unexplained],
+    /// Effects that were not added although the error of an axis falls much with them: what they leave speaks of something unknown, beside
+    /// which they may be there or for which they may stand.
+    stand_ins: Vec<StandIn>,
     /// What the flights do not determine at the end, and why.
     not_identified: &'a [NotIdentified],
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -187,6 +195,7 @@ fn document<'a>(explanation: &'a Explanation, discovery: Option<&'a Discovery>) 
         sse_first: sse(&explanation.basic_comparison),
         sse_last: sse(explanation.last_comparison()),
         unexplained: &explanation.last_diagnosis.unexplained,
+        stand_ins: explanation.last_diagnosis.stand_ins(),
         not_identified: &explanation.last_diagnosis.not_identified,
         refinement: explanation.refinement.as_ref().map(RefinementEntry::from),
         discovery: discovery.map(discovery::document),

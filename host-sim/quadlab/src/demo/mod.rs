@@ -151,7 +151,9 @@ fn finish(
     explanation: &Explanation,
 ) -> anyhow::Result<String> {
     let page = options.out.join("report.html");
-    report::write_atomic(options.out.join("basic.toml"), explanation.basic.to_toml())?;
+    let mut basic = explanation.basic.clone();
+    sets.record_scatter(&mut basic);
+    report::write_atomic(options.out.join("basic.toml"), basic.to_toml())?;
     report::write_atomic(options.out.join("better.toml"), explanation.model.to_toml())?;
     pages::explanation(lead, sets, explanation)
         .provenance(provenance(vehicle.as_slice(), sets.all()))

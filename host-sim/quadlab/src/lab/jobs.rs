@@ -195,11 +195,17 @@ impl Work<'_> {
         let explanation =
             workflow::explain(self.vehicle, &own, &mut sets, &Options::default(), None, &self.telling)?;
         let before = format!("explain{}", self.session.vehicle_option());
-        self.keep_steps(explanation, &self.session.command(&before))
+        self.keep_steps(explanation, &sets, &self.session.command(&before))
     }
 
     /// Each step as a model, with what was found in it.
-    fn keep_steps(&self, explanation: Explanation, command: &str) -> Result<(), Refused> {
+    fn keep_steps(
+        &self,
+        mut explanation: Explanation,
+        sets: &FlightSets,
+        command: &str,
+    ) -> Result<(), Refused> {
+        explanation.on_the_way_mut().for_each(|model| sets.record_scatter(model));
         let mut id = self.keep(None, None, explanation.basic, command)?;
         for step in explanation.steps {
             self.session.tell_of(id, |node| node.diagnosis = Some(document(&step.diagnosis)))?;

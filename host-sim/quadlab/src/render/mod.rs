@@ -17,5 +17,6 @@ pub(crate) mod fleet_figures;
 pub(crate) mod grid;
 pub(crate) mod import_text;
 pub(crate) mod pages;
+pub(crate) mod stand_ins;
 pub(crate) mod tables;
 pub(crate) mod view;

@@ -7,6 +7,7 @@ use report::{Page, Section};
 use sysid::{Comparison, Prepared};
 
 use crate::render::figures::{self, Captioned};
+use crate::render::stand_ins;
 use crate::render::tables::{self, Grid};
 use crate::render::view::{self, View};
 
@@ -291,7 +292,9 @@ fn left(views: &[View], diagnosis: &Diagnosis) -> Section {
             false => section,
         };
     }
-    let section = section.grid(&tables::unexplained(&diagnosis.unexplained));
+    let section = section
+        .grid(&tables::unexplained(&diagnosis.unexplained))
+        .grid(&stand_ins::table(&diagnosis.stand_ins()));
     let figures = diagnosis
         .unexplained
         .iter()
