@@ -18,6 +18,7 @@ use crate::criteria::MATTERS_PERCENT;
 use crate::figures::rms_of;
 use crate::finding::{Diagnosis, EffectFinding, Unexplained, Verdict};
 use crate::reason::{Reason, joined};
+use crate::stand_ins::taken_in_part;
 
 /// Verdicts in the order in which the first that either part has is that of the whole.
 const ORDER: [Verdict; 4] =
@@ -112,7 +113,8 @@ fn summary(
     let first = match verdict {
         Verdict::MissingEffect => effects.iter().find(|f| f.supported && counts(f)).map(|f| lacking(f, effects)),
         Verdict::Unexplained => {
-            let left = unexplained.iter().find(|u| is_identified(u.axis, not_identified)).map(unaccounted);
+            let worst = unexplained.iter().find(|u| is_identified(u.axis, not_identified));
+            let left = worst.map(|worst| unaccounted(worst, effects));
             left.or_else(|| effects.iter().find(|f| is_unfitted(f)).map(unfitted))
         }
         Verdict::NotIdentified => effects.iter().find(|f| f.supported).map(no_finding),
@@ -196,13 +198,22 @@ fn lacking(best: &EffectFinding, findings: &[EffectFinding]) -> String {
     )
 }
 
-fn unaccounted(worst: &Unexplained) -> String {
-    format!(
-        "The residual of {} {} ({} % of its held-out squared error), and no known effect accounts for it.",
-        worst.axis,
-        worst.depends_on.predicate(),
-        percent(worst.share_percent)
-    )
+fn unaccounted(worst: &Unexplained, effects: &[EffectFinding]) -> String {
+    let Unexplained { axis, depends_on, share_percent, .. } = worst;
+    let left = format!(
+        "The residual of {axis} {} ({} % of its held-out squared error)",
+        depends_on.predicate(),
+        percent(*share_percent)
+    );
+    let partly = effects.iter().filter_map(|finding| Some((finding.effect, taken_in_part(finding, *axis)?)));
+    match partly.max_by(|one, other| one.1.total_cmp(&other.1)) {
+        None => format!("{left}, and no known effect accounts for it."),
+        Some((effect, taken)) => format!(
+            "{left}. {effect} would take {} % of the squared error of {axis}, but leaves too much to be all of it: something else is \
+             missing, beside it or in its place.",
+            percent(taken)
+        ),
+    }
 }
 
 #[cfg(test)]
@@ -313,6 +324,17 @@ mod tests {
              accounts for it."
         );
         assert!(told(true, vec![left(Axis::W)]).starts_with("The model lacks tether."));
+        let partly = |axis| {
+            let mut finding = taking(Effect::GroundEffect, false, &[("w", 80.0)]);
+            finding.reason = Reason::AboveNoise { axis: Axis::W };
+            conclude(vec![finding], vec![left(axis)], Vec::new()).summary
+        };
+        assert_eq!(
+            partly(Axis::W),
+            "The residual of w depends on the height (7.2 % of its held-out squared error). ground-effect would take 80.0 % of the \
+             squared error of w, but leaves too much to be all of it: something else is missing, beside it or in its place."
+        );
+        assert!(partly(Axis::P).ends_with("and no known effect accounts for it."));
         assert_eq!(
             told(false, Vec::new()),
             "No known effect lowers the error on held-out flights by an amount that matters, and the \

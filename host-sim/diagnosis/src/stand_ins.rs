@@ -28,19 +28,21 @@ pub struct StandIn {
     pub reason: Reason,
 }
 
+/// What an effect that was refused because of what it leaves takes of the squared error of an axis, percent, where that is much.
+pub(crate) fn taken_in_part(finding: &EffectFinding, axis: Axis) -> Option<f64> {
+    let taken = finding.axes.get(axis.name())?.drop_percent;
+    (finding.reason.is_stand_in() && taken >= MUCH_PERCENT).then_some(taken)
+}
+
 impl Diagnosis {
     /// The effects that take much of the error, and were refused because of what they leave.
     pub fn stand_ins(&self) -> Vec<StandIn> {
-        let refused = self.effects.iter().filter(|finding| finding.reason.is_stand_in());
         let of = |finding: &EffectFinding| {
-            Some(StandIn {
-                effect: finding.effect,
-                axis: finding.main_axis()?,
-                drop_percent: finding.largest_drop_percent(),
-                reason: finding.reason.clone(),
-            })
+            let axis = finding.main_axis()?;
+            let drop_percent = taken_in_part(finding, axis)?;
+            Some(StandIn { effect: finding.effect, axis, drop_percent, reason: finding.reason.clone() })
         };
-        refused.filter_map(of).filter(|stand_in| stand_in.drop_percent >= MUCH_PERCENT).collect()
+        self.effects.iter().filter_map(of).collect()
     }
 }
 

@@ -12,7 +12,7 @@ use sysid::{Comparison, RefinementOutcome};
 use crate::conclusion::{counts_in, first_of, what_is_unknown, without};
 use crate::criteria::harm;
 use crate::finding::EffectFinding;
-use crate::observer::Observer;
+use crate::observer::{Observer, Once};
 use crate::reason::Reason;
 use crate::unidentified::recorded;
 use crate::workflow::add::join;
@@ -146,6 +146,8 @@ pub fn explain(
     rows: Option<Rows>,
     observer: &dyn Observer,
 ) -> Result<Explanation, WorkflowError> {
+    // The basic model is fitted again in other winds, with the same doubts.
+    let observer = &Once::new(observer);
     sets.leave_out_undefined(&Model::new(vehicle.clone()), effects, observer)?;
     let explanation = go_through(vehicle, sets, options, Rotation::Mended(options), observer)?;
     let doubted = sysid::has_rotation(explanation.last_model())

@@ -38,6 +38,7 @@ pub(super) struct Comparison {
     pub(super) rows: Rows,
     /// What gravity along x and y of the tracker's axes would do in them.
     pub(super) sideways: [[Vec<f64>; 3]; 2],
+    pub(super) gravity_m_s2: f64,
 }
 
 impl Comparison {
@@ -49,15 +50,16 @@ impl Comparison {
         let taps = Taps::new(flight.period_s);
         let mut rows = Rows::new(flight.period_s);
         rows.further = vec![Default::default(); 5];
-        let mut comparison = Self { rows, sideways: Default::default() };
+        let mut comparison = Self { rows, sideways: Default::default(), gravity_m_s2 };
         for stretch in &flight.stretches {
-            comparison.push(stretch, &taps, (flight.period_s, gravity_m_s2));
+            comparison.push(stretch, &taps, flight.period_s);
         }
         Some(comparison)
     }
 
     /// Appends the rows of a stretch.
-    fn push(&mut self, stretch: &Stretch, taps: &Taps, (period_s, gravity_m_s2): (f64, f64)) {
+    fn push(&mut self, stretch: &Stretch, taps: &Taps, period_s: f64) {
+        let gravity_m_s2 = self.gravity_m_s2;
         let Some(imu) = &stretch.imu_m_s2 else { return };
         let count = stretch.time_s.len();
         let mut force: [Vec<f64>; 3] = Default::default();

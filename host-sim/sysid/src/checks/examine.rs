@@ -17,7 +17,7 @@ use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
 use crate::checks::{
     accelerometer, bench, channels, coarse_commands, command_clock, derived_rates, gyro, imu, interpolated,
-    motors, tracker_tilt, under_sampled,
+    leaning_attitude, motors, tracker_tilt, under_sampled,
 };
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight, Mend, StandIn};
@@ -41,6 +41,8 @@ pub enum FaultKind {
     AccelerometerFault,
     /// A tracker whose vertical is off.
     TiltedTracker,
+    /// A tracked attitude and an accelerometer that lean against each other.
+    LeaningAttitude,
     /// Motors numbered or spinning otherwise.
     WrongMotors,
     /// Commands at the ends of their range.
@@ -97,6 +99,7 @@ impl FaultKind {
             Self::GyroFault => "gyro-fault",
             Self::AccelerometerFault => "accelerometer-fault",
             Self::TiltedTracker => "tilted-tracker",
+            Self::LeaningAttitude => "leaning-attitude",
             Self::WrongMotors => "wrong-motors",
             Self::SaturatedCommands => "saturated-commands",
             Self::FrozenChannel => "frozen-channel",
@@ -316,6 +319,7 @@ fn tell_sensors(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle, found: 
         (FaultKind::GyroFault, gyro::check(prepared)),
         (FaultKind::AccelerometerFault, of_forces(accelerometer::check)),
         (FaultKind::TiltedTracker, of_forces(tracker_tilt::check)),
+        (FaultKind::LeaningAttitude, of_forces(leaning_attitude::check)),
     ] {
         faults.into_iter().for_each(|fault| found.add(kind, Severity::Warning, fault));
     }

@@ -16,6 +16,7 @@ pub mod frames;
 pub mod gyro;
 pub mod imu;
 pub mod interpolated;
+mod leaning_attitude;
 mod linear_sensor;
 pub mod motors;
 pub mod overlap;

@@ -15,7 +15,7 @@ const MATTERS_DEG: f64 = 0.5;
 const SIGNIFICANT: f64 = 5.0;
 
 /// How far the frame leans, in a sentence if it does.
-pub(super) fn check(Comparison { rows, sideways }: &Comparison) -> Vec<String> {
+pub(super) fn check(Comparison { rows, sideways, .. }: &Comparison) -> Vec<String> {
     let found = rows.with_further(sideways).sensor_either_way();
     let leans = found.and_then(|sensor| {
         let [(x, x_error), (y, y_error)] = sensor.further.last_chunk()?;
