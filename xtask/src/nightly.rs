@@ -252,24 +252,19 @@ fn answers(_: &Workspace) -> Result<Outcome> {
 
 /// The tests of forms that take minutes.
 fn forms(_: &Workspace) -> Result<Outcome> {
-    let command = cargo([
-        "test",
-        "--workspace",
-        "--test",
-        "discovery",
-        "--test",
-        "known_first",
-        "--",
-        "--ignored",
-        "--show-output",
-    ]);
-    Ok(Outcome::Ran(harness(command)?))
+    ignored_of(&["discovery", "known_first"])
 }
 
 /// The tests of real flights that take minutes.
 fn real_flights(_: &Workspace) -> Result<Outcome> {
-    let command =
-        cargo(["test", "--workspace", "--test", "real_flights", "--", "--ignored", "--show-output"]);
+    ignored_of(&["real_flights"])
+}
+
+/// What is ignored by day of some test programs.
+fn ignored_of(programs: &[&str]) -> Result<Outcome> {
+    let mut command = cargo(["test", "--workspace"]);
+    programs.iter().for_each(|program| _ = command.args(["--test", program]));
+    command.args(["--", "--ignored", "--show-output"]);
     Ok(Outcome::Ran(harness(command)?))
 }
 

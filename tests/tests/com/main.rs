@@ -207,9 +207,9 @@ fn the_ground_station_flies_the_program_and_its_recording_is_identified() {
     // more on a quiet one, 0.90 along w with four busy threads and no real-time priority, 0.58 to 0.7
     // on a virtual one that shares its processors. Along u and v this short flight is too gentle to
     // say anything.
-    for axis in ["w", "p", "q", "r"] {
+    for (axis, least) in [("w", 0.5), ("p", 0.7), ("q", 0.7), ("r", 0.7)] {
         println!("{axis}: {} explained", explained(axis));
-        assert!(explained(axis) > 0.5, "{axis}: {}", compared["total"]);
+        assert!(explained(axis) > least, "{axis}: {}", compared["total"]);
     }
     let sets = ["--train", "a-1.csv", "--validate", "a-2.csv", "--out", "m.toml"];
     let identified = quadlab(folder.path(), &[&["identify", "--vehicle", &vehicle], &sets[..]].concat());

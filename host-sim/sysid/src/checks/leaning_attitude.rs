@@ -12,12 +12,11 @@ use nalgebra::Vector2;
 use report::number::{fixed, with_error};
 
 use crate::checks::accelerometer::Comparison;
+use crate::checks::linear_sensor::SIGNIFICANT;
 use crate::statistics::{deviation, mean};
 
 /// Lean beyond what the offset of an accelerometer passes for, degrees: 0.5 m/s^2, or 50 mg, as of the less good ones.
 const MATTERS_DEG: f64 = 3.0;
-/// Standard errors that a lean stands out by.
-const SIGNIFICANT: f64 = 5.0;
 /// Rows that are one for the error of the mean: a second and a half, in which what moves the craft is forgotten.
 const ROWS_TOGETHER: usize = 50;
 

@@ -8,11 +8,10 @@ use nalgebra::Vector2;
 use report::number::{fixed, with_error};
 
 use crate::checks::accelerometer::Comparison;
+use crate::checks::linear_sensor::SIGNIFICANT;
 
 /// Leans that matter, degrees: 0.09 m/s^2 to the side.
 const MATTERS_DEG: f64 = 0.5;
-/// Standard errors that a lean stands out by.
-const SIGNIFICANT: f64 = 5.0;
 
 /// How far the frame leans, in a sentence if it does.
 pub(super) fn check(Comparison { rows, sideways, .. }: &Comparison) -> Vec<String> {
