@@ -3,7 +3,7 @@
 use nalgebra::Vector3;
 
 use crate::axis::Axis;
-use crate::effect::{Coefficient, EffectInfo, Kind, Question, Special};
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Requirement, Special};
 use crate::effects::adjusting::Adjusting;
 
 const fn coefficient(name: &'static str) -> Coefficient {
@@ -27,7 +27,21 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "pitch and roll in short bursts: a tracked point off the centre of mass follows the angular acceleration, rate \
          coupling follows the rate",
     )],
-    special: Special::NOTHING,
+    special: Special { requirement: Some(IS_MEASURABLE), ..Special::NOTHING },
+};
+
+/// Nearest distance of the tracked point from the centre of mass that is told, mm: as well as anybody balances a craft on an edge. Thrust that
+/// depends on the squares of body rates looks like half a millimetre.
+const TOLD_MM: f64 = 1.0;
+
+const IS_MEASURABLE: Requirement = Requirement {
+    question: "can be measured: distance of the tracked point from the centre of mass",
+    unit: "mm",
+    figures: |estimates| {
+        let square_m2: f64 = estimates.iter().map(|lever| lever.value * lever.value).sum();
+        (1e3 * square_m2.sqrt(), TOLD_MM)
+    },
+    objection: "the tracked point is within 1 mm of the centre of mass, which is known no better",
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -45,5 +59,19 @@ impl Adjustment {
 impl Adjusting for Adjustment {
     fn tracked_point_m(&self) -> Vector3<f64> {
         self.tracked_point_m
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::effect::Estimate;
+
+    #[test]
+    fn a_distance_counts_whichever_way_it_lies() {
+        let lever = |mm: f64| Estimate { value: 1e-3 * mm, std_error: None };
+        let (found_mm, needed_mm) = (IS_MEASURABLE.figures)(&[lever(0.6), lever(0.0), lever(-0.8)]);
+        assert!((found_mm - 1.0).abs() < 1e-12);
+        assert_eq!(needed_mm, TOLD_MM);
     }
 }
