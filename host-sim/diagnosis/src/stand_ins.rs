@@ -1,6 +1,6 @@
 //! What the supported effects leave, and which of them are therefore stand-ins for something that nobody looked for.
 
-use model::{Axis, Effect};
+use model::{Axis, Effect, Model};
 use schemars::JsonSchema;
 use serde::Serialize;
 use sysid::prepare::Prepared;
@@ -43,6 +43,19 @@ impl Diagnosis {
             Some(StandIn { effect: finding.effect, axis, drop_percent, reason: finding.reason.clone() })
         };
         self.effects.iter().filter_map(of).collect()
+    }
+
+    /// A model with the load that takes much of the error and was refused because of what it leaves, if there is such a one.
+    pub(crate) fn with_refused_load(&self, model: &Model) -> Option<Model> {
+        let is_load = |finding: &&EffectFinding| {
+            let taken = finding.main_axis().and_then(|axis| taken_in_part(finding, axis));
+            taken.is_some() && finding.effect.info().special.hangs_load
+        };
+        let load = self.effects.iter().find(is_load)?;
+        let values: Vec<f64> = load.coefficients.iter().map(|c| c.value).collect();
+        let mut model = model.clone();
+        model.set(load.effect, &values);
+        Some(model)
     }
 }
 
@@ -89,7 +102,8 @@ mod tests {
     use super::*;
     use crate::conclusion::conclude;
     use crate::dependence::Dependence;
-    use crate::finding::AxisDrop;
+    use crate::finding::{AxisDrop, CoefficientFigures};
+    use crate::testing::truth;
 
     fn taking(effect: Effect, drops: &[(&'static str, f64)]) -> EffectFinding {
         let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
@@ -154,6 +168,29 @@ mod tests {
         let expected =
             StandIn { effect: Effect::GroundEffect, axis: Axis::W, drop_percent: 94.0, reason: above };
         assert_eq!(told, [expected]);
+    }
+
+    #[test]
+    fn a_load_that_was_refused_for_what_it_leaves_hangs_on_the_model_and_another_one_does_not() {
+        let model = truth();
+        let refused = |percent: f64, reason: Reason| {
+            let mut finding = taking(Effect::SlungLoad, &[("u", percent)]);
+            let coefficient = |(name, value)| CoefficientFigures {
+                name,
+                value,
+                std_error: 0.01,
+                unit: "",
+                possible: (0.0, 10.0),
+            };
+            let values = [("load_mass", 0.1), ("cable_length", 0.5), ("damping_ratio", 0.02)];
+            finding.coefficients = values.map(coefficient).to_vec();
+            finding.refuse(reason);
+            conclude(vec![finding], Vec::new(), Vec::new()).with_refused_load(&model)
+        };
+        let loaded = refused(72.0, Reason::AboveNoise { axis: Axis::U }).unwrap();
+        assert_eq!(loaded.term(Effect::SlungLoad).unwrap().values(), [0.1, 0.5, 0.02]);
+        assert_eq!(refused(72.0, Reason::LikeChance), None);
+        assert_eq!(refused(42.0, Reason::AboveNoise { axis: Axis::U }), None);
     }
 
     #[test]

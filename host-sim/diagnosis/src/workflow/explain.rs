@@ -158,6 +158,9 @@ pub fn explain(
         false => explanation,
     };
     tell_doubts(explanation.last_model(), sets, observer);
+    if let Some(loaded) = explanation.last_diagnosis.with_refused_load(explanation.last_model()) {
+        sets.add_wide_swings(&loaded);
+    }
     warn_of_clocks(sets, observer);
     warn_of_one_heading(&explanation.found(), sets, observer);
     let last = explanation.steps.last_mut().map_or(&mut explanation.basic, |step| &mut step.model);

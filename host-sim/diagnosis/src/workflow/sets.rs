@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use flights::Flight;
 use model::{Effect, Model, Vehicle};
 use sysid::checks::vehicle::{self, Likeness};
-use sysid::{Fault, FaultKind, FitError, Prepared, Severity};
+use sysid::{Fault, FaultKind, FitError, Prepared, Severity, WideSwing};
 
 use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
@@ -193,11 +193,34 @@ impl FlightSets {
             let fault = Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence);
             self.faults.add(listed(&self.held_out.0), fault);
         }
+        self.add_wide_swings(model);
+    }
+
+    /// Flights in which the load of a model swings too wide to be predicted.
+    pub(crate) fn add_wide_swings(&mut self, model: &Model) {
+        for flight in self.training.0.iter().chain(&self.held_out.0) {
+            if let Some(swing) = WideSwing::too_wide(&flight.prepared, model) {
+                self.faults.add(flight.path.display().to_string(), wide_swing(&flight.prepared, swing));
+            }
+        }
     }
 
     /// An error of a fit with the flights it was about.
     pub(crate) fn blame(&self, why: FitError) -> WorkflowError {
         WorkflowError::Fit { flights: names(&self.training.0), why }
+    }
+}
+
+/// Says of a flight that the load of a model swings too wide in it.
+fn wide_swing(flight: &Prepared, swing: WideSwing) -> Fault {
+    let sentence = format!(
+        "the load swings up to {:.0} degrees from the vertical, too wide to predict: a fit leaves this flight out if others remain, and \
+         its errors say little about the model; fly more gently",
+        swing.widest_deg
+    );
+    Fault {
+        flight: Some(flight.name.clone()),
+        ..Fault::of_all(FaultKind::WideSwing, Severity::Warning, sentence)
     }
 }
 
@@ -324,6 +347,27 @@ mod tests {
     fn an_error_of_a_fit_names_the_flights_that_were_fitted_on() {
         let refused = sets(&[1, 2], &[3]).unwrap().blame(FitError::NoFlights);
         assert_eq!(refused.to_string(), "flight-1.csv, flight-2.csv: no flights to fit on");
+    }
+
+    #[test]
+    fn a_flight_is_told_in_which_the_load_of_a_model_would_swing_too_wide() {
+        let mut sets = sets(&[1], &[2]).unwrap();
+        let told = |sets: &FlightSets| -> Vec<String> {
+            let all = sets.faults.listed().iter().filter(|l| l.fault.kind == FaultKind::WideSwing);
+            all.map(|listed| listed.whose.clone()).collect()
+        };
+        let mut loaded = truth();
+        loaded.set(Effect::SlungLoad, &[0.1, 0.5, 0.3]);
+        sets.add_faults_of_fit(&loaded);
+        assert_eq!(told(&sets), [""; 0]);
+        let stretch = &mut sets.held_out.0[0].prepared.stretches[0];
+        let frequency_rad_s = (9.81_f64 / 0.5).sqrt();
+        for (north_m, time_s) in stretch.position_ned_m[0].iter_mut().zip(&stretch.time_s) {
+            *north_m += 0.5 * (frequency_rad_s * time_s).sin();
+        }
+        loaded.set(Effect::SlungLoad, &[0.1, 0.5, 0.01]);
+        sets.add_faults_of_fit(&loaded);
+        assert_eq!(told(&sets), ["flight-2.csv"]);
     }
 
     #[test]

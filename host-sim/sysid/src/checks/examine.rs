@@ -77,6 +77,8 @@ pub enum FaultKind {
     UnmeasuredVehicle,
     /// Flights that are not those of the model's vehicle, or of two vehicles.
     OtherVehicle,
+    /// A load that swings too wide to be followed.
+    WideSwing,
     /// Too few or too short flights.
     TooFewFlights,
     /// Coefficients that the flights do not determine.
@@ -117,6 +119,7 @@ impl FaultKind {
             Self::ImplausibleVehicle => "implausible-vehicle",
             Self::UnmeasuredVehicle => "unmeasured-vehicle",
             Self::OtherVehicle => "other-vehicle",
+            Self::WideSwing => "wide-swing",
             Self::TooFewFlights => "too-few-flights",
             Self::NotExcited => "not-excited",
             Self::SharedSamples => "shared-samples",

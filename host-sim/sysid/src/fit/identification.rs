@@ -21,6 +21,7 @@ use crate::fit::rotation::acts_on_rotation_alone;
 use crate::fit::starts::{self, Demand};
 use crate::fit::swing::Known;
 use crate::fit::terms::coefficient_count;
+use crate::fit::wide_swings;
 use crate::prepare::Prepared;
 
 /// Fits `effects` to `flights`. `start` gives first values of adjusting coefficients, where it has them; where it has all and the
@@ -51,6 +52,7 @@ pub fn fit_if(
         return Err(FitError::NoRotation { effect: effect.id() });
     }
     let mut model = beginning(flights, vehicle, effects, start);
+    let flights = &wide_swings::followable(flights, &model)[..];
     let mut layout = Layout::new(effects);
     let linear = &layout.linear;
     let rows = assemble(flights, &model, linear, &[], &mut vec![Known::default(); flights.len()]).0;
@@ -69,10 +71,10 @@ pub fn fit_if(
         layout.adjusting.iter().any(|effect| effect.info().special.hangs_load && is_unknown(*effect));
     // Values that a model was once given are no worse for steps that find no end from there.
     let known = (!layout.adjusting.iter().any(|effect| is_unknown(*effect))).then(|| model.clone());
-    let starts = starts::of(flights, model, &layout, is_unknown, demand)?;
-    let best = best_of(starts, flights, start, &layout);
+    let (starts, flights) = starts::of(flights, model, &layout, is_unknown, demand)?;
+    let best = best_of(starts, &flights, start, &layout);
     match known {
-        Some(known) => best.or_else(|_| stay(flights, known, &layout)),
+        Some(known) => best.or_else(|_| stay(&flights, known, &layout)),
         None => best,
     }
 }

@@ -42,6 +42,7 @@ pub mod trim;
 mod undefined;
 mod unloaded;
 pub mod weather;
+mod wide_swings;
 
 pub use assembly::timing;
 pub use doubts::{SignDoubt, impossible_signs, produces_thrust, rotation_doubts, rotor_signs, sign_doubts};
@@ -52,3 +53,4 @@ pub use parameters::{priors_of, step_end};
 pub use residuals::{Residuals, errors};
 pub use rotation::{has_rotation, without_rotation};
 pub use unloaded::Beginning;
+pub use wide_swings::WideSwing;

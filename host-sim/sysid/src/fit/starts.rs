@@ -21,24 +21,27 @@ use crate::fit::parameters::{Layout, step_end};
 use crate::fit::predicted::measured_less_predicted;
 use crate::fit::shapes::{End, Shapes};
 use crate::fit::slow;
+use crate::fit::wide_swings;
 use crate::prepare::Prepared;
 
-/// The starts of a fit. `model` has the linear coefficients of a fit without the adjusting effects that are unknown.
-pub(crate) fn of(
-    flights: &[&Prepared],
+/// The starts of a fit, and the flights that it goes on with. `model` has the linear coefficients of a fit without the adjusting effects
+/// that are unknown.
+pub(crate) fn of<'a>(
+    flights: &[&'a Prepared],
     mut model: Model,
     layout: &Layout,
     is_unknown: impl Fn(Effect) -> bool,
     demand: Demand,
-) -> Result<Vec<Model>, FitError> {
+) -> Result<(Vec<Model>, Vec<&'a Prepared>), FitError> {
     let unknown: Vec<Effect> = layout.adjusting.iter().copied().filter(|e| is_unknown(*e)).collect();
     let (searched, ordinary): (Vec<Effect>, Vec<Effect>) =
         unknown.into_iter().partition(|effect| !effect.starts().is_empty());
+    let mut flights = flights.to_vec();
     for effect in searched {
-        search(flights, &mut model, layout, effect, demand)?;
+        flights = search(&flights, &mut model, layout, effect, demand)?;
     }
     let second = second(&model, &ordinary);
-    Ok(std::iter::once(model).chain(second).collect())
+    Ok((std::iter::once(model).chain(second).collect(), flights))
 }
 
 /// The model with ordinary values for effects that have a qualifying coefficient.
@@ -70,6 +73,8 @@ const HOPELESS: f64 = 0.3;
 const ROUNDS: usize = 3;
 /// A start explains something when it lowers the logarithm of the residual's spread by this: 0.2 % of it.
 const EXPLAINS: f64 = 0.002;
+/// Flights are left out for a load that lowers it in the others by this: no chance, and no other effect that a load passes for in part.
+const CLEAR: f64 = 0.1;
 
 /// What a search over shapes must find for a fit to go on from it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,15 +85,52 @@ pub enum Demand {
     Promising,
 }
 
-/// Sets an effect to the best of its starts: of those where its coefficients are possible, if there are any.
-fn search(
-    flights: &[&Prepared],
+/// Sets an effect to the best of its starts: of those where its coefficients are possible, if there are any. Returns the flights that say
+/// so: all but those in which a load would swing too wide to be followed, if the others say more without them.
+fn search<'a>(
+    flights: &[&'a Prepared],
     model: &mut Model,
     layout: &Layout,
     effect: Effect,
     demand: Demand,
-) -> Result<(), FitError> {
+) -> Result<Vec<&'a Prepared>, FitError> {
     let starts = effect.starts();
+    let mut found = (flights.to_vec(), best_of(flights, model, layout, effect, &starts));
+    if effect.info().special.hangs_load {
+        for (steady, starts) in wide_swings::steady(flights, model, effect, &starts) {
+            let best = best_of(&steady, model, layout, effect, &starts);
+            let is_clear = best.as_ref().is_some_and(|best| best.score < best.without - CLEAR);
+            if is_clear && gain(effect, &steady, &best) > gain(effect, &found.0, &found.1) {
+                found = (steady, best);
+            }
+        }
+    }
+    let (flights, best) = found;
+    let info = effect.info();
+    let Some(best) = best else {
+        return Err(FitError::NotExcited {
+            effect: info.id,
+            coefficient: info.coefficients[0].name,
+            excitation: info.excitation,
+        });
+    };
+    if demand == Demand::Promising && !explains(effect, &best) {
+        return Err(FitError::ExplainsNothing { effect: info.id, excitation: info.excitation });
+    }
+    model.set(effect, &best.values);
+    // No step would lead away from there.
+    check_scales(model, &[effect])?;
+    Ok(flights)
+}
+
+/// The best of the shapes near some starts; nothing where none is determined.
+fn best_of(
+    flights: &[&Prepared],
+    model: &Model,
+    layout: &Layout,
+    effect: Effect,
+    starts: &[Vec<Option<f64>>],
+) -> Option<End> {
     let is_shape: Vec<bool> =
         starts.iter().flatten().take(effect.info().coefficients.len()).map(Option::is_some).collect();
     let solver: Box<dyn Shapes> = if effect.info().special.hangs_load {
@@ -105,31 +147,28 @@ fn search(
     if ends.iter().any(|end| is_possible(effect, end)) {
         ends.retain(|end| is_possible(effect, end));
     }
-    let explains = |end: &End| is_possible(effect, end) && end.score < end.without - EXPLAINS;
     let mut best: Option<End> = None;
     for (place, end) in ends.into_iter().take(IMPROVED).enumerate() {
-        if place > 0
-            && (!explains(&end) || best.as_ref().is_some_and(|best| end.score > best.score + HOPELESS))
-        {
+        let is_hopeless = best.as_ref().is_some_and(|best| end.score > best.score + HOPELESS);
+        if place > 0 && (!explains(effect, &end) || is_hopeless) {
             break;
         }
-        let end = if explains(&end) { problem.improve(end) } else { end };
+        let end = if explains(effect, &end) { problem.improve(end) } else { end };
         better(&mut best, Some(end));
     }
-    let info = effect.info();
-    let Some(best) = best else {
-        return Err(FitError::NotExcited {
-            effect: info.id,
-            coefficient: info.coefficients[0].name,
-            excitation: info.excitation,
-        });
-    };
-    if demand == Demand::Promising && !explains(&best) {
-        return Err(FitError::ExplainsNothing { effect: info.id, excitation: info.excitation });
-    }
-    model.set(effect, &best.values);
-    // No step would lead away from there.
-    check_scales(model, &[effect])
+    best
+}
+
+/// Whether an end is possible and explains anything.
+fn explains(effect: Effect, end: &End) -> bool {
+    is_possible(effect, end) && end.score < end.without - EXPLAINS
+}
+
+/// What an end explains, as the logarithm of a likelihood ratio: so much of each row.
+fn gain(effect: Effect, flights: &[&Prepared], end: &Option<End>) -> f64 {
+    let rows: usize = flights.iter().map(|flight| flight.rows()).sum();
+    let of = |end: &End| rows as f64 * (end.without - end.score);
+    end.as_ref().filter(|end| is_possible(effect, end)).map_or(0.0, of)
 }
 
 /// Whether all coefficients are physically possible.
@@ -355,7 +394,7 @@ mod tests {
     fn what_is_known_already_starts_where_it_is() {
         let model = truth();
         let adjusting = layout(vec![Effect::SlungLoad, Effect::BatteryVoltage]);
-        let starts = of(&[], model.clone(), &adjusting, |_| false, Demand::Best).unwrap();
+        let (starts, _) = of(&[], model.clone(), &adjusting, |_| false, Demand::Best).unwrap();
         assert_eq!(starts, [model]);
     }
 
@@ -366,7 +405,7 @@ mod tests {
         let flight = Prepared::new(&fly(&model, 4, 8.0, &NONE), &model.vehicle).unwrap();
         let layout = layout(vec![Effect::SlungLoad]);
         match of(&[&flight], model, &layout, |_| true, Demand::Promising) {
-            Ok(starts) => {
+            Ok((starts, _)) => {
                 let mass_kg = starts[0].term(Effect::SlungLoad).unwrap().coefficients[0].value;
                 assert!(mass_kg < 1e-3, "{mass_kg} kg");
             }
@@ -381,7 +420,8 @@ mod tests {
         loaded.set(Effect::SlungLoad, &[0.12, 0.6, 0.05]);
         let flight = Prepared::new(&fly(&loaded, 4, 12.0, &NONE), &loaded.vehicle).unwrap();
         let layout = layout(vec![Effect::SlungLoad]);
-        let starts = of(&[&flight], model, &layout, |_| true, Demand::Promising).unwrap();
+        let (starts, flights) = of(&[&flight], model, &layout, |_| true, Demand::Promising).unwrap();
+        assert_eq!(flights.len(), 1);
         let values = starts[0].term(Effect::SlungLoad).unwrap().values();
         assert!((values[0] - 0.12).abs() < 0.02 && (values[1] - 0.6).abs() < 0.1, "{values:?}");
     }

@@ -55,26 +55,20 @@ pub(crate) struct Unloaded {
 impl Unloaded {
     /// Over the rows at every `stride`th sample.
     pub(crate) fn new(flight: &Prepared, model: &Model, stride: usize) -> Self {
-        let adjust = model.adjustments();
         let (measured, residual) = measured_less_predicted(flight, model, stride);
         let pieces = pieces(flight, stride);
-        let untilt = adjust.untilt();
-        let body = |tracked: &Matrix3<f64>| untilt.body(tracked);
-        let body_dcm: Vec<Vec<Matrix3<f64>>> =
-            flight.stretches.iter().map(|stretch| stretch.dcm.iter().map(body).collect()).collect();
+        let body_dcm = body_dcm(flight, model);
         let rows = |piece: &Piece| {
             let dcm = &body_dcm[piece.stretch];
             let row = piece.samples.start + flight.margin..piece.samples.end - flight.margin;
             row.step_by(stride).map(|k| dcm[k])
         };
         let dcm = pieces.iter().flat_map(rows).collect();
-        let lever_m = Vector3::from(model.vehicle.tracked_point) + adjust.tracked_point_m();
-        let places = |(stretch, dcm): (&Stretch, &Vec<Matrix3<f64>>)| places(flight, stretch, dcm, &lever_m);
         Self {
             period_s: flight.period_s,
             stride,
             margin: flight.margin,
-            places_m: flight.stretches.iter().zip(&body_dcm).map(places).collect(),
+            places_m: places_m(flight, model, &body_dcm),
             force_ned_m_s2: flight.predicted_forces_ned_m_s2(model),
             dcm,
             body_dcm: (flight.force_target == ForceTarget::Imu).then_some(body_dcm),
@@ -207,6 +201,24 @@ impl Unloaded {
         let noise = mean_square * (INDEPENDENT_S / (self.period_s * self.stride as f64)).max(1.0);
         carried.usual(angle_rad).map(|deviation| noise / (deviation * deviation))
     }
+}
+
+/// Inertial to body at the samples of each stretch.
+pub(crate) fn body_dcm(flight: &Prepared, model: &Model) -> Vec<Vec<Matrix3<f64>>> {
+    let untilt = model.adjustments().untilt();
+    let of = |stretch: &Stretch| stretch.dcm.iter().map(|tracked| untilt.body(tracked)).collect();
+    flight.stretches.iter().map(of).collect()
+}
+
+/// Where the craft is at the samples of each stretch, smoothed, inertial m.
+pub(crate) fn places_m(
+    flight: &Prepared,
+    model: &Model,
+    body_dcm: &[Vec<Matrix3<f64>>],
+) -> Vec<Vec<Vector3<f64>>> {
+    let lever_m = Vector3::from(model.vehicle.tracked_point) + model.adjustments().tracked_point_m();
+    let of = |(stretch, dcm): (&Stretch, &Vec<Matrix3<f64>>)| places(flight, stretch, dcm, &lever_m);
+    flight.stretches.iter().zip(body_dcm).map(of).collect()
 }
 
 /// Where the craft is, smoothed.
