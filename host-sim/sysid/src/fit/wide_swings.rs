@@ -5,6 +5,7 @@
 //! load is followed to a hundredth of its pull, so it is left out where others remain, and told.
 
 use model::{Effect, Model};
+use nalgebra::Vector3;
 
 use crate::fit::slung_load::{Carried, of_model};
 use crate::fit::unloaded::{body_dcm, places_m};
@@ -27,30 +28,27 @@ pub struct WideSwing {
 }
 
 impl WideSwing {
-    /// In a flight, hanging still at the beginning of each of its stretches. `model` says where the craft is by its tracked point.
-    fn of(flight: &Prepared, model: &Model, carried: &Carried) -> Self {
-        let places_m = places_m(flight, model, &body_dcm(flight, model));
+    /// Of the load that a model carries, where it swings too wide to be followed.
+    pub fn too_wide(flight: &Prepared, model: &Model) -> Option<Self> {
+        let carried = of_model(model).filter(|carried| carried.load.cable_length_m > 0.0)?;
+        Self::on(&places_m(flight, model, &body_dcm(flight, model)), flight.period_s, &carried)
+    }
+
+    /// The same where the craft goes from place to place, the load hanging still at the beginning of each stretch.
+    fn on(places_m: &[Vec<Vector3<f64>>], period_s: f64, carried: &Carried) -> Option<Self> {
+        let wide_cosine = WIDE_DEG.to_radians().cos();
         let (mut widest, mut wide, mut samples) = (1.0_f64, 0, 0);
-        for places in &places_m {
-            for swing in carried.load.driven(places, [0.0; 4], flight.period_s, carried.gravity_m_s2) {
+        for places in places_m {
+            for swing in carried.load.driven(places, [0.0; 4], period_s, carried.gravity_m_s2) {
                 let cosine = swing.direction.z;
                 widest = widest.min(cosine);
-                wide += usize::from(cosine < WIDE_DEG.to_radians().cos());
+                wide += usize::from(cosine < wide_cosine);
                 samples += 1;
             }
         }
         let widest_deg = widest.clamp(-1.0, 1.0).acos().to_degrees();
-        Self { widest_deg, part: wide as f64 / samples.max(1) as f64 }
-    }
-
-    /// Of the load that a model carries, where it swings too wide to be followed.
-    pub fn too_wide(flight: &Prepared, model: &Model) -> Option<Self> {
-        let carried = of_model(model).filter(|carried| carried.load.cable_length_m > 0.0)?;
-        Some(Self::of(flight, model, &carried)).filter(Self::is_too_wide)
-    }
-
-    fn is_too_wide(&self) -> bool {
-        self.part > WIDE_PART
+        let part = wide as f64 / samples.max(1) as f64;
+        (part > WIDE_PART).then_some(Self { widest_deg, part })
     }
 }
 
@@ -72,13 +70,17 @@ pub(crate) fn steady<'a>(
     effect: Effect,
     starts: &[Start],
 ) -> Vec<(Vec<&'a Prepared>, Vec<Start>)> {
+    // Where the craft goes is the same for every load.
+    let places = |flight: &&Prepared| (places_m(flight, model, &body_dcm(flight, model)), flight.period_s);
+    let ways: Vec<_> = flights.iter().map(places).collect();
     let mut groups: Vec<(Vec<bool>, Vec<Start>)> = Vec::new();
+    let mut hung = model.clone();
     for start in starts {
         // Its mass does not change how it swings.
-        let mut hung = model.clone();
         hung.set(effect, &[0.0, start[1].unwrap_or_default(), LITTLE_DAMPING]);
+        let Some(carried) = of_model(&hung) else { continue };
         let is_steady: Vec<bool> =
-            flights.iter().map(|flight| WideSwing::too_wide(flight, &hung).is_none()).collect();
+            ways.iter().map(|(way, period_s)| WideSwing::on(way, *period_s, &carried).is_none()).collect();
         match groups.iter_mut().find(|(known, _)| *known == is_steady) {
             Some((_, starts)) => starts.push(start.clone()),
             None => groups.push((is_steady, vec![start.clone()])),
