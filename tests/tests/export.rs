@@ -267,7 +267,8 @@ fn in_gazebo(python: &Path, file: &Path, model: &Model, states: &[State]) -> Val
 fn gazebos_craft_has_the_same_accelerations() {
     let Some(python) = python() else { return };
     let folder = TempDir::new().unwrap();
-    let model = rigid(Some(21.5), 0.0);
+    let mut model = rigid(Some(21.5), 0.0);
+    model.set(Effect::UnequalThrust, &[0.02, -0.03, 0.01]);
     let (file, document) = exported(folder.path(), &model, "gazebo");
     let states = random_states(value(&document, "omega_h"), true);
     let found = in_gazebo(&python, &file, &model, &states);

@@ -1,7 +1,7 @@
 //! What a diagnosis considers.
 
 use model::{Effect, Model};
-use sysid::{Prepared, has_rotation, without_rotation};
+use sysid::{Prepared, has_rotation, rotors_differ, without_rotation};
 
 use crate::change::Change;
 use crate::{not_logged, wander};
@@ -41,6 +41,7 @@ impl Options {
     /// What could be missing from a model, by these flights. A dead time cannot be told from what interpolation does to a log, nor how
     /// rotors speed up from what was commanded between the rows of a slow one; of a slower one, nothing that shows in accelerations. Nor can
     /// what shows in columns that were not logged, what a wind that wanders looks like, or a wind of all flights where each has its own.
+    /// Rotors of unequal thrust show in roll and in pitch before they show in the lift: where they do not, something else is in the lift.
     pub(crate) fn candidates_by(&self, model: &Model, flights: &[&Prepared]) -> Vec<Effect> {
         let period_s = flights.iter().map(|flight| flight.period_s).fold(0.0, f64::max);
         let interpolated = flights.iter().any(|flight| flight.is_interpolated);
@@ -51,6 +52,7 @@ impl Options {
                 || period_s > SLOWER_S && shows_in(effect, "acceleration")
                 || not_logged::hide(flights, *effect)
                 || has_own_winds && *effect == Effect::SteadyWind
+                || *effect == Effect::UnequalThrust && !rotors_differ(model, flights)
                 || wander::looks_like(flights, model, *effect))
         };
         self.candidates(model).into_iter().filter(is_told).collect()

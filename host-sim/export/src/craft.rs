@@ -135,7 +135,14 @@ pub(crate) fn hover_n(rotors: &[Rotor; 4], weight_n: f64) -> Option<[f64; 4]> {
 
 /// Whether places, thrust and torque of rotors say all of an effect.
 pub(crate) fn is_of_rotors(effect: Effect) -> bool {
-    matches!(effect, Effect::Thrust | Effect::RotorMoments | Effect::ComOffset | Effect::MassChange)
+    let of_all =
+        matches!(effect, Effect::Thrust | Effect::RotorMoments | Effect::ComOffset | Effect::MassChange);
+    of_all || differs_by_rotor(effect)
+}
+
+/// Whether an effect gives the rotors different thrusts at the same speed.
+pub(crate) fn differs_by_rotor(effect: Effect) -> bool {
+    matches!(effect, Effect::UnequalThrust | Effect::MotorEfficiency)
 }
 
 /// What a rigid body makes of the coupling of the rates.

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 
 use model::{Effect, Model};
 
-use crate::craft::{Craft, is_of_rotors, rigid_coupling};
+use crate::craft::{Craft, differs_by_rotor, is_of_rotors, rigid_coupling};
 use crate::error::ExportError;
 use crate::left_out::{Export, LeftOut, comments, escaped, left_out, none, without_ends_of_comments};
 
@@ -106,6 +106,9 @@ fn what_is_left_out(craft: &Craft, model: &Model) -> Vec<LeftOut> {
     let mut all = left_out(model, |effect| match effect {
         Effect::InertiaCoupling => rigid_coupling(craft, model),
         Effect::MotorLag => Some(lag.into()),
+        effect if differs_by_rotor(effect) => {
+            Some("the controls are thrusts: at the same speed each rotor gives the mean thrust".into())
+        }
         effect if is_of_rotors(effect) => None,
         effect => none(model, effect),
     });

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use model::{Effect, Model};
 
-use crate::craft::{Craft, is_of_rotors, rigid_coupling};
+use crate::craft::{Craft, differs_by_rotor, is_of_rotors, rigid_coupling};
 use crate::error::ExportError;
 use crate::left_out::{Export, LeftOut, comments, left_out, none};
 
@@ -83,6 +83,9 @@ fn what_is_left_out(craft: &Craft, model: &Model) -> Vec<LeftOut> {
             "SIH has one lever and one torque for all rotors, their means; CA_ROTOR* has each rotor's own"
                 .into(),
         ),
+        effect if differs_by_rotor(effect) => {
+            Some("every rotor has the mean thrust at the same speed".into())
+        }
         effect if is_of_rotors(effect) || effect == Effect::MotorLag => None,
         effect => none(model, effect),
     });

@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 
 use model::{Effect, Model};
 
-use crate::craft::{Craft, Rotor, hover_n, is_of_rotors, rigid_coupling};
+use crate::craft::{Craft, Rotor, differs_by_rotor, hover_n, is_of_rotors, rigid_coupling};
 use crate::error::ExportError;
 use crate::left_out::{Export, LeftOut, comments, left_out, none};
 
@@ -80,6 +80,9 @@ fn what_is_left_out(craft: &Craft, model: &Model) -> Vec<LeftOut> {
             craft.drag_n_s_m[0], craft.drag_n_s_m[1]
         )),
         Effect::RotorMoments => Some("every rotor has the mean torque; their levers are the model's".into()),
+        effect if differs_by_rotor(effect) => {
+            Some("every rotor has the mean thrust at the same speed".into())
+        }
         effect if is_of_rotors(effect) || effect == Effect::MotorLag => None,
         effect => none(model, effect),
     });

@@ -40,7 +40,7 @@ pub use axis::{AXES, Axis, PerAxis};
 pub use battery::Battery;
 pub use effect::{Coefficient, EffectInfo, Estimate, Kind, Question, Requirement, Sign, Sink, Special};
 pub use effects::slung_load::cable::SlungLoad;
-pub use effects::{Adjustments, Effect, Untilt};
+pub use effects::{Adjustments, Effect, THRUST_DIFFERENCES, Untilt, thrust_shares};
 pub use fit_record::{
     AxisError, BalanceRecord, BalanceRow, ChangeScatter, FitRecord, FlightRecord, FlightRole, HistoryEntry,
     OpenLoopSums, ReferenceValues, RefinementRecord,

@@ -109,6 +109,22 @@ pub const PLANTED: &[Seedling] = &[
         let length_m = 2.4 * c.arm_m;
         c.load = Some(Load { mass_kg: 0.08 * s * c.mass_kg, length_m, damping_s: 0.3 });
     }),
+    seedling("unequal-thrust", "rotors that do not give the same thrust", |c, _, s, rng| {
+        // Left against right, front against back, one diagonal against the other.
+        let [left, front, diagonal] = [(); 3].map(|()| {
+            let size = s * rng.random_range(0.02..0.04);
+            if rng.random_bool(0.5) { size } else { -size }
+        });
+        c.efficiency = [
+            1.0 + left + front + diagonal,
+            1.0 - left + front - diagonal,
+            1.0 - left - front + diagonal,
+            1.0 + left - front - diagonal,
+        ];
+        if rng.random_bool(0.5) {
+            c.torque_efficiency = c.efficiency;
+        }
+    }),
     seedling("mass-change", "heavier than before", |c, _, s, _| c.mass_kg *= 1.0 + 0.10 * s),
     seedling("com-offset", "a centre of mass shifted sideways", |c, _, s, rng| {
         let towards = rng.random_range(0.0..std::f64::consts::TAU);

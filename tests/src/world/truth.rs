@@ -24,7 +24,12 @@ const ROLL: [f64; 4] = [1.0, -1.0, -1.0, 1.0];
 const PITCH: [f64; 4] = [1.0, 1.0, -1.0, -1.0];
 
 pub(super) fn of(craft: &Craft, vehicle: &Vehicle, planted: &[Planted]) -> Vec<True> {
-    let mut all = basic(craft, vehicle);
+    // What the rotors differ by is no matter of their moments where it has an effect of its own.
+    let differences = match planted.iter().any(|planted| planted.id == "unequal-thrust") {
+        true => [1.0; 4],
+        false => craft.efficiency,
+    };
+    let mut all = basic(craft, vehicle, differences);
     for planted in planted {
         all.extend(own(craft, vehicle, planted.id));
     }
@@ -35,7 +40,7 @@ fn list(effect: &'static str, values: impl IntoIterator<Item = f64>) -> impl Ite
     values.into_iter().enumerate().map(move |(index, value)| True { effect, index, value })
 }
 
-fn basic(craft: &Craft, vehicle: &Vehicle) -> Vec<True> {
+fn basic(craft: &Craft, vehicle: &Vehicle, efficiency: [f64; 4]) -> Vec<True> {
     let beta = vehicle.beta_kg_m();
     let per_mass = vehicle.mass / craft.mass_kg;
     // A product of inertia is a term of its own there: torques are divided by the tensor's
@@ -48,7 +53,7 @@ fn basic(craft: &Craft, vehicle: &Vehicle) -> Vec<True> {
     let arm = std::f64::consts::SQRT_2 * vehicle.arm_length * beta;
     let reach = beta * vehicle.rotor_radius;
     let hubs = craft.hubs_m();
-    let thrust = |i: usize| craft.efficiency[i] * craft.thrust_n_s2;
+    let thrust = |i: usize| efficiency[i] * craft.thrust_n_s2;
     let roll = (0..4).map(|i| -hubs[i][1] * thrust(i) / (inertia.x * arm * ROLL[i]));
     let pitch = (0..4).map(|i| hubs[i][0] * thrust(i) / (inertia.y * arm * PITCH[i]));
     let yaw =
@@ -92,6 +97,10 @@ fn own(craft: &Craft, vehicle: &Vehicle, id: &'static str) -> Vec<True> {
         }),
         "mass-change" => vec![craft.mass_kg - vehicle.mass],
         "com-offset" => craft.centre_m.to_vec(),
+        "unequal-thrust" => {
+            let [a, b, c, d] = craft.efficiency;
+            vec![0.25 * (a - b - c + d), 0.25 * (a + b - c - d), 0.25 * (a - b + c - d)]
+        }
         "motor-efficiency" => craft.efficiency.map(|part| 1.0 - part).to_vec(),
         "steady-wind" => vec![craft.wind_ned_m_s.x, craft.wind_ned_m_s.y],
         "wind-shear" => vec![craft.strange.shear_per_s, 0.0],

@@ -7,7 +7,7 @@ use std::fmt;
 
 use model::{Effect, Model, PerGroup, Vehicle};
 use sysid::fit::output_error::Rows;
-use sysid::{Comparison, RefinementOutcome};
+use sysid::{Comparison, RefinementOutcome, RotorComparison};
 
 use crate::conclusion::{counts_in, first_of, what_is_unknown, without};
 use crate::criteria::harm;
@@ -75,7 +75,13 @@ pub struct Explanation {
     pub model: Model,
     /// What a refinement did, where one was asked for.
     pub refinement: Option<RefinementOutcome>,
+    /// The rotors against each other, where the last model tells: what is unlike in all flights is in its coefficients.
+    pub rotors: Option<RotorComparison>,
 }
+
+/// What else a motor may be that seems weak in a rotation that is not explained.
+const ODD_MOTOR: &str =
+    "Because the rotation is still unexplained, a motor that seems weak may instead be slow or sticking.";
 
 impl Explanation {
     /// The model at the end against the held-out flights, before any refinement.
@@ -110,7 +116,22 @@ impl Explanation {
             (names, None) => format!("Found: {}.", names.join(", then ")),
             (names, Some(unknown)) => format!("Found: {}. {unknown}", names.join(", then ")),
         };
-        conclusion + &taken_out
+        conclusion + &taken_out + &self.unlike_rotors()
+    }
+
+    /// How the rotors differ, in sentences that each begin with a space.
+    fn unlike_rotors(&self) -> String {
+        let rotation = self.verdicts().rotation;
+        let Some(rotors) = self.rotors.as_ref().filter(|_| rotation != Verdict::NotIdentified) else {
+            return String::new();
+        };
+        let doubt = (rotors.differ && rotation == Verdict::Unexplained).then(|| ODD_MOTOR.to_string());
+        let mut sentences: Vec<String> = rotors.sentences().into_iter().chain(doubt).collect();
+        // After "nothing", nobody reads on.
+        if let Some(first) = sentences.first_mut().filter(|_| self.steps.is_empty()) {
+            *first = format!("But {}{}", first[..1].to_lowercase(), &first[1..]);
+        }
+        sentences.into_iter().map(|sentence| format!(" {sentence}")).collect()
     }
 
     /// The conclusion of the whole loop: was anything missing, and is anything left?
@@ -169,6 +190,8 @@ pub fn explain(
     if explanation.refinement.is_some() {
         sets.record_scatter(&mut explanation.model);
     }
+    explanation.rotors =
+        sysid::compare_rotors(explanation.last_model(), &[sets.train(), sets.validate()].concat());
     let verdicts = explanation.verdicts();
     if let Some(record) = &mut explanation.model.fit {
         record.verdicts = Some(verdicts);
@@ -205,7 +228,16 @@ fn go_through(
         false => (first, first_comparison),
     };
     let model = steps.last().map_or(&basic, |step| &step.model).clone();
-    Ok(Explanation { basic, basic_comparison, steps, taken_out, last_diagnosis, model, refinement: None })
+    Ok(Explanation {
+        basic,
+        basic_comparison,
+        steps,
+        taken_out,
+        last_diagnosis,
+        model,
+        refinement: None,
+        rotors: None,
+    })
 }
 
 /// What was added.
@@ -413,6 +445,7 @@ mod tests {
             last_diagnosis: diagnosis(last, "Nothing is left."),
             model: truth(),
             refinement: None,
+            rotors: None,
         }
     }
 
@@ -481,6 +514,43 @@ mod tests {
             "Found: steady-wind. wind-shear was added first and taken out again: it adds nothing once steady-wind is in the \
              model."
         );
+    }
+
+    /// Motor 2 weak by 6 %, by coefficients whose errors are 0.1 %.
+    #[test]
+    fn a_weak_motor_is_told_unless_the_flights_do_not_determine_the_rotation() {
+        let flights = prepared(&truth(), 1..4, 8.0, &ORDINARY);
+        let all: Vec<&sysid::Prepared> = flights.iter().collect();
+        let mut model = truth();
+        let moments = [0.6, 0.564, 0.6, 0.6, 0.5, 0.47, 0.5, 0.5, 0.3, -0.3, 0.3, -0.3];
+        model.set(Effect::RotorMoments, &moments);
+        for estimate in model.terms.iter_mut().flat_map(|term| &mut term.coefficients) {
+            estimate.std_error = Some(0.001 * estimate.value.abs());
+        }
+        let told = |rotation, steps: Vec<Step>| {
+            let mut told = explanation(steps, Verdict::Adequate);
+            told.last_diagnosis.verdicts.rotation = rotation;
+            told.rotors = sysid::compare_rotors(&model, &all).map(|rotors| sysid::RotorComparison {
+                // What these flights say of it does not matter here.
+                differ: true,
+                different_motor: Some(sysid::MotorThrust {
+                    motor: 2,
+                    thrust_percent: -6.0,
+                    std_error_percent: 0.1,
+                }),
+                center_of_mass: sysid::CenterOfMass { off_center: false, ..rotors.center_of_mass },
+                ..rotors
+            });
+            assert!(told.rotors.is_some());
+            told.conclusion()
+        };
+        let weak = "motor 2 gives 6.0 % less thrust than the mean of the other three (standard error of the fit 0.1 %).";
+        let plain = told(Verdict::Adequate, Vec::new());
+        assert_eq!(plain, format!("Found: nothing. Nothing is left. But at the same speed, {weak}"));
+        let after = told(Verdict::Adequate, vec![step(Effect::SteadyWind)]);
+        assert_eq!(after, format!("Found: steady-wind. At the same speed, {weak}"));
+        assert!(told(Verdict::Unexplained, Vec::new()).ends_with(&format!("{weak} {ODD_MOTOR}")));
+        assert_eq!(told(Verdict::NotIdentified, Vec::new()), "Found: nothing. Nothing is left.");
     }
 
     #[test]

@@ -22,6 +22,7 @@ use crate::user_effects::{self, Definition, User, UserEffect, UserEffectError};
 use adjusting::Adjusting;
 pub use adjustments::Untilt;
 use catalogue::catalogue;
+pub use unequal_thrust::{THRUST_DIFFERENCES, thrust_shares};
 
 catalogue! {
     columns {
@@ -43,6 +44,7 @@ catalogue! {
         GroundEffect => ground_effect,
         TranslationalLift => translational_lift,
         ThrustLinear => thrust_linear,
+        UnequalThrust => unequal_thrust,
         MotorLag => motor_lag,
         InputDelay => input_delay,
         SteadyWind => steady_wind,

@@ -8,6 +8,7 @@ use model::{Effect, NotIdentified, PerAxis, PerGroup};
 use report::Page;
 use schemars::JsonSchema;
 use serde::Serialize;
+use sysid::RotorComparison;
 
 use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
@@ -161,6 +162,8 @@ pub(crate) struct Document<'a> {
     stand_ins: Vec<StandIn>,
     /// What the flights do not determine at the end, and why.
     not_identified: &'a [NotIdentified],
+    /// The rotors against each other by the coefficients of the last model; null where these are inconclusive.
+    rotors: Option<&'a RotorComparison>,
     #[serde(skip_serializing_if = "Option::is_none")]
     refinement: Option<RefinementEntry>,
     /// The form of what is left, where it was asked for.
@@ -197,6 +200,7 @@ fn document<'a>(explanation: &'a Explanation, discovery: Option<&'a Discovery>) 
         unexplained: &explanation.last_diagnosis.unexplained,
         stand_ins: explanation.last_diagnosis.stand_ins(),
         not_identified: &explanation.last_diagnosis.not_identified,
+        rotors: explanation.rotors.as_ref(),
         refinement: explanation.refinement.as_ref().map(RefinementEntry::from),
         discovery: discovery.map(discovery::document),
     }
