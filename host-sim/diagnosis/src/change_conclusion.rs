@@ -86,6 +86,7 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         unexplained,
         not_identified: unknown,
         since,
+        rotors: None,
     }
 }
 

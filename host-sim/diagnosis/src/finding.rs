@@ -7,6 +7,7 @@ use model::{Axis, Coefficient, Effect, Model, NotIdentified, PerGroup};
 use report::number::fixed;
 use schemars::JsonSchema;
 use serde::Serialize;
+use sysid::RotorComparison;
 
 use crate::dependence::Dependence;
 use crate::figures::rms_fall_percent;
@@ -263,6 +264,9 @@ pub struct Diagnosis {
     pub since: Option<Since>,
     /// What the flights do not determine, and why.
     pub not_identified: Vec<NotIdentified>,
+    /// The rotors against each other, where nothing is missing from the rotation and the model's coefficients tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rotors: Option<RotorComparison>,
 }
 
 impl Diagnosis {
@@ -295,6 +299,7 @@ mod tests {
             effects: effects.to_vec(),
             unexplained: Vec::new(),
             since: None,
+            rotors: None,
             not_identified: Vec::new(),
         };
         assert_eq!(diagnosis(&all).best(), None);

@@ -19,7 +19,7 @@ pub use fit::linearise::residuals;
 pub use fit::motor_response::{MotorResponse, motor_responses};
 pub use fit::output_error::{RefineError, Refinement, RefinementOutcome, refine};
 pub use fit::{
-    CenterOfMass, Fit, FitError, MotorThrust, Residuals, RotorComparison, SignDoubt, WideSwing,
+    AtSame, CenterOfMass, Fit, FitError, MotorThrust, Residuals, RotorComparison, SignDoubt, WideSwing,
     compare_rotors, errors, fit, has_rotation, impossible_signs, rotation_doubts, rotor_signs, rotors_differ,
     sign_doubts, without_rotation,
 };

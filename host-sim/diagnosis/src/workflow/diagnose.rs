@@ -16,6 +16,7 @@ use crate::workflow::error::WorkflowError;
 use crate::workflow::headings::warn_of_one_heading;
 use crate::workflow::loaded::names;
 use crate::workflow::sets::FlightSets;
+use crate::workflow::unlike_rotors::unlike_rotors;
 use crate::{Diagnosis, Options, Verdict, Why, diagnose_with};
 
 /// Diagnoses a model on flights; `effects` are users' own that may join it.
@@ -27,8 +28,13 @@ pub fn diagnose(
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
     sets.hold_against(model, effects, observer)?;
-    let diagnosis = search(model, sets, options, observer)?;
+    let mut diagnosis = search(model, sets, options, observer)?;
     warn_of_one_heading(&supported(&diagnosis.effects), sets, observer);
+    let rotation = diagnosis.verdicts.rotation;
+    // Beside a moment that is missing, they say nothing of the motors.
+    diagnosis.rotors = sets.compare_rotors(model).filter(|_| rotation != Verdict::MissingEffect);
+    let nothing = diagnosis.best().is_none();
+    diagnosis.summary.push_str(&unlike_rotors(diagnosis.rotors.as_ref(), rotation, nothing));
     Ok(diagnosis)
 }
 
@@ -293,6 +299,19 @@ mod tests {
         assert_eq!(unknown(&rotation, 0.02, false, false), [Group::Rotation]);
         assert_eq!(unknown(&rotation, 0.04, false, false), GROUPS);
         assert_eq!(unknown(&rotation, 0.01, true, true), GROUPS);
+    }
+
+    /// The basic model takes in a motor that is weak in all flights: nothing is missing from its rotation, but it is told.
+    #[test]
+    fn a_motor_that_is_weak_in_all_flights_is_told() {
+        let mut world = truth();
+        let moments = [0.6, 0.54, 0.6, 0.6, 0.5, 0.45, 0.5, 0.5, 0.3, -0.27, 0.3, -0.3];
+        world.set(Effect::RotorMoments, &moments);
+        let flights: Vec<Flight> = (1..6).map(|seed| fly(&world, seed, 20.0, &ORDINARY)).collect();
+        let (found, _) = diagnosed(&flights[..3], &flights[3..]);
+        let weak = found.rotors.as_ref().and_then(|rotors| rotors.different_motor).map(|weak| weak.motor);
+        assert_eq!(weak, Some(2), "{}", found.summary);
+        assert!(found.summary.contains("motor 2 gives"), "{}", found.summary);
     }
 
     /// Nothing of the craft is missing where each flight has a wind of its own.

@@ -22,6 +22,7 @@ use crate::workflow::headings::warn_of_one_heading;
 use crate::workflow::identify::{Rotation, fit_basic, tell_doubts, warn_of_clocks};
 use crate::workflow::refinement::refine;
 use crate::workflow::sets::FlightSets;
+use crate::workflow::unlike_rotors::unlike_rotors;
 use crate::{Addition, Diagnosis, Options, Verdict};
 
 /// Verdicts in the order in which the first that either part has is that of the loop: something left at the end comes first.
@@ -79,10 +80,6 @@ pub struct Explanation {
     pub rotors: Option<RotorComparison>,
 }
 
-/// What else a motor may be that seems weak in a rotation that is not explained.
-const ODD_MOTOR: &str =
-    "Because the rotation is still unexplained, a motor that seems weak may instead be slow or sticking.";
-
 impl Explanation {
     /// The model at the end against the held-out flights, before any refinement.
     pub fn last_comparison(&self) -> &Comparison {
@@ -116,22 +113,8 @@ impl Explanation {
             (names, None) => format!("Found: {}.", names.join(", then ")),
             (names, Some(unknown)) => format!("Found: {}. {unknown}", names.join(", then ")),
         };
-        conclusion + &taken_out + &self.unlike_rotors()
-    }
-
-    /// How the rotors differ, in sentences that each begin with a space.
-    fn unlike_rotors(&self) -> String {
-        let rotation = self.verdicts().rotation;
-        let Some(rotors) = self.rotors.as_ref().filter(|_| rotation != Verdict::NotIdentified) else {
-            return String::new();
-        };
-        let doubt = (rotors.differ && rotation == Verdict::Unexplained).then(|| ODD_MOTOR.to_string());
-        let mut sentences: Vec<String> = rotors.sentences().into_iter().chain(doubt).collect();
-        // After "nothing", nobody reads on.
-        if let Some(first) = sentences.first_mut().filter(|_| self.steps.is_empty()) {
-            *first = format!("But {}{}", first[..1].to_lowercase(), &first[1..]);
-        }
-        sentences.into_iter().map(|sentence| format!(" {sentence}")).collect()
+        let nothing = self.steps.is_empty();
+        conclusion + &taken_out + &unlike_rotors(self.rotors.as_ref(), self.verdicts().rotation, nothing)
     }
 
     /// The conclusion of the whole loop: was anything missing, and is anything left?
@@ -190,8 +173,7 @@ pub fn explain(
     if explanation.refinement.is_some() {
         sets.record_scatter(&mut explanation.model);
     }
-    explanation.rotors =
-        sysid::compare_rotors(explanation.last_model(), &[sets.train(), sets.validate()].concat());
+    explanation.rotors = sets.compare_rotors(explanation.last_model());
     let verdicts = explanation.verdicts();
     if let Some(record) = &mut explanation.model.fit {
         record.verdicts = Some(verdicts);
@@ -433,6 +415,7 @@ mod tests {
             unexplained: Vec::new(),
             not_identified: Vec::new(),
             since: None,
+            rotors: None,
         }
     }
 
@@ -514,43 +497,6 @@ mod tests {
             "Found: steady-wind. wind-shear was added first and taken out again: it adds nothing once steady-wind is in the \
              model."
         );
-    }
-
-    /// Motor 2 weak by 6 %, by coefficients whose errors are 0.1 %.
-    #[test]
-    fn a_weak_motor_is_told_unless_the_flights_do_not_determine_the_rotation() {
-        let flights = prepared(&truth(), 1..4, 8.0, &ORDINARY);
-        let all: Vec<&sysid::Prepared> = flights.iter().collect();
-        let mut model = truth();
-        let moments = [0.6, 0.564, 0.6, 0.6, 0.5, 0.47, 0.5, 0.5, 0.3, -0.3, 0.3, -0.3];
-        model.set(Effect::RotorMoments, &moments);
-        for estimate in model.terms.iter_mut().flat_map(|term| &mut term.coefficients) {
-            estimate.std_error = Some(0.001 * estimate.value.abs());
-        }
-        let told = |rotation, steps: Vec<Step>| {
-            let mut told = explanation(steps, Verdict::Adequate);
-            told.last_diagnosis.verdicts.rotation = rotation;
-            told.rotors = sysid::compare_rotors(&model, &all).map(|rotors| sysid::RotorComparison {
-                // What these flights say of it does not matter here.
-                differ: true,
-                different_motor: Some(sysid::MotorThrust {
-                    motor: 2,
-                    thrust_percent: -6.0,
-                    std_error_percent: 0.1,
-                }),
-                center_of_mass: sysid::CenterOfMass { off_center: false, ..rotors.center_of_mass },
-                ..rotors
-            });
-            assert!(told.rotors.is_some());
-            told.conclusion()
-        };
-        let weak = "motor 2 gives 6.0 % less thrust than the mean of the other three (standard error of the fit 0.1 %).";
-        let plain = told(Verdict::Adequate, Vec::new());
-        assert_eq!(plain, format!("Found: nothing. Nothing is left. But at the same speed, {weak}"));
-        let after = told(Verdict::Adequate, vec![step(Effect::SteadyWind)]);
-        assert_eq!(after, format!("Found: steady-wind. At the same speed, {weak}"));
-        assert!(told(Verdict::Unexplained, Vec::new()).ends_with(&format!("{weak} {ODD_MOTOR}")));
-        assert_eq!(told(Verdict::NotIdentified, Vec::new()), "Found: nothing. Nothing is left.");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use model::{Effect, Model, Vehicle};
 use report::number::fixed;
 use sysid::fit::output_error::Rows;
 use sysid::statistics::median;
-use sysid::{MotorsOfFlights, Prepared, RefinementOutcome};
+use sysid::{MotorsOfFlights, Prepared, RefinementOutcome, RotorComparison};
 
 use crate::Options;
 use crate::mending::mending;
@@ -24,6 +24,8 @@ pub struct Identified {
     pub condition: f64,
     /// Motor coefficients flight by flight.
     pub motors: Vec<MotorsOfFlights>,
+    /// The rotors against each other, where the coefficients tell.
+    pub rotors: Option<RotorComparison>,
     /// What a refinement did, where one was asked for.
     pub refinement: Option<RefinementOutcome>,
 }
@@ -40,9 +42,10 @@ pub fn identify(
     let identified = fit_basic(vehicle, sets, Rotation::Mended(&Options::default()), observer)?;
     let motors = tell_doubts(&identified.model, sets, observer);
     warn_of_clocks(sets, observer);
+    let rotors = sets.compare_rotors(&identified.model);
     let (mut model, refinement) = refine(identified.model, sets, rows, observer)?;
     sets.record_scatter(&mut model);
-    Ok(Identified { model, condition: identified.condition, motors, refinement })
+    Ok(Identified { model, condition: identified.condition, motors, rotors, refinement })
 }
 
 /// What becomes of a rotation that is in doubt.

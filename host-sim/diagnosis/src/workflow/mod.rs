@@ -28,6 +28,7 @@ mod refinement;
 mod revealed;
 mod sets;
 mod split;
+mod unlike_rotors;
 mod winds;
 
 pub use crate::observer::{Observer, Progress, Silent};

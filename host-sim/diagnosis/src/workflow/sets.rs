@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use flights::Flight;
 use model::{Effect, Model, Vehicle};
 use sysid::checks::vehicle::{self, Likeness};
-use sysid::{Fault, FaultKind, FitError, Prepared, Severity, WideSwing};
+use sysid::{Fault, FaultKind, FitError, Prepared, RotorComparison, Severity, WideSwing};
 
 use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
@@ -164,6 +164,11 @@ impl FlightSets {
     /// The held-out flights as identification takes them.
     pub fn validate(&self) -> Vec<&Prepared> {
         self.held_out.prepared()
+    }
+
+    /// The rotors of a model against each other by all flights, where its coefficients tell.
+    pub(crate) fn compare_rotors(&self, model: &Model) -> Option<RotorComparison> {
+        sysid::compare_rotors(model, &[self.train(), self.validate()].concat())
     }
 
     /// Leaves out the samples at which a formula of `effects` or of the model's own has no finite value.

@@ -6,7 +6,7 @@ use diagnosis::workflow::{self, FlightSets, Identified, rotation_refused, shown_
 use model::{AxisError, FlightRole, Group, Model, NotIdentified, PerAxis};
 use schemars::JsonSchema;
 use serde::Serialize;
-use sysid::MotorsOfFlights;
+use sysid::{MotorsOfFlights, RotorComparison};
 
 use crate::cli::colour;
 use crate::cli::faults::{self, FaultOptions};
@@ -92,6 +92,9 @@ fn warn_of_unidentified(model: &Model) {
     }
 }
 
+/// What may look like unequal rotors in a model that nobody has diagnosed yet.
+const MISSING_MOMENT: &str = "A missing effect can look the same: run `quadlab diagnose`.";
+
 fn text(options: &Options, identified: &Identified, sets: &FlightSets) -> Outcome {
     let model = &identified.model;
     let record = shown_record(model);
@@ -107,7 +110,10 @@ fn text(options: &Options, identified: &Identified, sets: &FlightSets) -> Outcom
     }
     let refused = (!record.rotation_refused.is_empty())
         .then(|| format!("Note: {}.", rotation_refused(&record.rotation_refused)));
-    for sentence in refused.into_iter().chain(identified.refinement.as_ref().map(refine::sentence)) {
+    let rotors = identified.rotors.iter().map(RotorComparison::sentences).find(|unlike| !unlike.is_empty());
+    let unlike = rotors.map(|sentences| format!("{} {MISSING_MOMENT}", sentences.join(" ")));
+    let refined = identified.refinement.as_ref().map(refine::sentence);
+    for sentence in refused.into_iter().chain(unlike).chain(refined) {
         more.push_str(&format!("{}\n", tables::paragraph(&sentence)));
     }
     Outcome::done(format!(
@@ -135,6 +141,8 @@ pub(crate) struct Document<'a> {
     not_identified: Vec<NotIdentified>,
     /// Motor coefficients flight by flight, and whether they follow how the flights were flown.
     motors: &'a [MotorsOfFlights],
+    /// The rotors against each other by the coefficients of the model; null where these are inconclusive.
+    rotors: Option<&'a RotorComparison>,
     #[serde(skip_serializing_if = "Option::is_none")]
     refinement: Option<RefinementEntry>,
 }
@@ -184,6 +192,7 @@ fn document<'a>(identified: &'a Identified, sets: &'a FlightSets) -> Document<'a
         rotation_refused: record.rotation_refused,
         not_identified: record.not_identified,
         motors: &identified.motors,
+        rotors: identified.rotors.as_ref(),
         refinement: identified.refinement.as_ref().map(RefinementEntry::from),
     }
 }

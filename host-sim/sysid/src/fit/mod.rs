@@ -53,6 +53,8 @@ pub use identification::{fit, fit_if};
 pub use parameters::{priors_of, step_end};
 pub use residuals::{Residuals, errors};
 pub use rotation::{has_rotation, without_rotation};
-pub use rotor_comparison::{CenterOfMass, MotorThrust, RotorComparison, compare_rotors, rotors_differ};
+pub use rotor_comparison::{
+    AtSame, CenterOfMass, MotorThrust, RotorComparison, compare_rotors, rotors_differ,
+};
 pub use unloaded::Beginning;
 pub use wide_swings::WideSwing;

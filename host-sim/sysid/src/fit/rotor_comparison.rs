@@ -9,8 +9,7 @@
 //! To first order, their logarithms are linear in the seven unknowns `ln a_p`, `ln a_q`, `k_1` to `k_3`, `x_c / d` and `y_c / d`. They are
 //! fitted to the eight coefficients by generalised least squares. The equation that is left over says whether roll and pitch agree; where
 //! they do not, the standard errors grow by the factor of their disagreement (Birge 1932), and as that is known from one equation alone,
-//! only what is far larger is told. Yaw is not asked: how reaction torque falls with
-//! thrust depends on what is wrong with the rotor.
+//! only what is far larger is told. Yaw is not asked: how reaction torque falls with thrust depends on what is wrong with the rotor.
 //!
 //! Coefficients may follow how a flight was flown. So the same is asked of each flight by itself, and a standard error is no smaller than
 //! that of the mean of the flights.
@@ -76,9 +75,34 @@ pub struct CenterOfMass {
     pub off_center: bool,
 }
 
+/// What is the same for motors that are compared.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum AtSame {
+    /// The speeds of their rotors, which are logged: what differs is the thrust.
+    Speed,
+    /// Their commands: what differs may be the thrust or the speed.
+    Command,
+}
+
+impl AtSame {
+    fn of(model: &Model) -> Self {
+        if model.reference.rotor_speeds_logged { Self::Speed } else { Self::Command }
+    }
+
+    fn name(self) -> &'static str {
+        match self {
+            Self::Speed => "speed",
+            Self::Command => "command",
+        }
+    }
+}
+
 /// The rotors of a model against each other.
 #[derive(Debug, Clone, PartialEq, Serialize, JsonSchema)]
 pub struct RotorComparison {
+    /// `speed` if rotor speeds are logged, else `command`.
+    pub at_same: AtSame,
     /// Each motor against the mean of the four.
     pub motors: [MotorThrust; 4],
     /// Whether any of them differs from the others by more than errors and small differences explain.
@@ -92,16 +116,17 @@ pub struct RotorComparison {
 impl RotorComparison {
     /// What differs, in sentences; none where nothing does.
     pub fn sentences(&self) -> Vec<String> {
-        let motors =
-            self.different_motor.map(|one| one.sentence()).or_else(|| self.differ.then(|| self.thrusts()));
+        let one = self.different_motor.map(|one| one.sentence(self.at_same));
+        let motors = one.or_else(|| self.differ.then(|| self.thrusts()));
         motors.into_iter().chain(self.center_of_mass.sentence()).collect()
     }
 
     fn thrusts(&self) -> String {
         let thrusts = self.motors.map(|one| format!("{:+.1}", one.thrust_percent)).join(", ");
         let error = self.motors.iter().map(|one| one.std_error_percent).fold(0.0, f64::max);
+        let same = self.at_same.name();
         format!(
-            "The motors differ in thrust: at the same speed, motors 1 to 4 give {thrusts} % relative to their mean (standard error of the fit up to {} %).",
+            "The motors differ in thrust: at the same {same}, motors 1 to 4 give {thrusts} % relative to their mean (standard error of the fit up to {} %).",
             significant(error, 1)
         )
     }
@@ -109,13 +134,13 @@ impl RotorComparison {
 
 impl MotorThrust {
     /// Of the one that differs from the other three.
-    fn sentence(&self) -> String {
+    fn sentence(&self, at_same: AtSame) -> String {
         let Self { motor, thrust_percent, std_error_percent } = self;
         let (less, error) =
             (if *thrust_percent < 0.0 { "less" } else { "more" }, significant(*std_error_percent, 1));
-        let size = thrust_percent.abs();
+        let (size, same) = (thrust_percent.abs(), at_same.name());
         format!(
-            "At the same speed, motor {motor} gives {size:.1} % {less} thrust than the mean of the other three (standard error of the fit {error} %)."
+            "At the same {same}, motor {motor} gives {size:.1} % {less} thrust than the mean of the other three (standard error of the fit {error} %)."
         )
     }
 }
@@ -145,24 +170,15 @@ impl CenterOfMass {
 /// Compares the rotors of a model that was fitted to some of these flights; nothing where its coefficients do not tell: without rotation,
 /// without errors, too uncertain, beside effects that change what the coefficients mean, or where they follow how the flights were flown.
 pub fn compare_rotors(model: &Model, flights: &[&Prepared]) -> Option<RotorComparison> {
-    let alone = of_coefficients(model)?;
-    if flights.len() < FEWEST_FLIGHTS {
-        return None;
-    }
-    let all = motors_of_flights(model, flights);
-    let [roll, pitch, _] = all.as_slice() else { return None };
-    if roll.warning.is_some() || pitch.warning.is_some() {
-        return None;
-    }
-    let answers = alone.with_scatter(&scatter([roll, pitch])?);
-    Some(answers.told(model.vehicle.arm_length / 2_f64.sqrt()))
+    let answers = of_coefficients(model)?.of_flights(model, flights)?;
+    Some(answers.told(model.vehicle.arm_length / 2_f64.sqrt(), AtSame::of(model)))
 }
 
 /// Whether the rotors of a model differ, as [`compare_rotors`] says. It looks at the flights only if the coefficients alone say so.
 pub fn rotors_differ(model: &Model, flights: &[&Prepared]) -> bool {
-    let by_coefficients =
-        of_coefficients(model).is_some_and(|answers| (0..4).any(|motor| answers.differs(motor)));
-    by_coefficients && compare_rotors(model, flights).is_some_and(|rotors| rotors.differ)
+    let by_coefficients = of_coefficients(model).filter(Answers::any_differs);
+    let answers = by_coefficients.and_then(|alone| alone.of_flights(model, flights));
+    answers.is_some_and(|answers| answers.any_differs())
 }
 
 /// Thrust of each rotor beyond the mean of the four, and centre of mass in levers.
@@ -240,18 +256,26 @@ fn scatter([roll, pitch]: [&MotorsOfFlights; 2]) -> Option<SVector<f64, ANSWERS>
 }
 
 impl Answers {
-    /// With standard errors that are no smaller than these.
-    fn with_scatter(self, scatter: &SVector<f64, ANSWERS>) -> Self {
-        Self { errors: self.errors.sup(scatter), ..self }
+    /// With standard errors that are no smaller than those of the mean of the flights; nothing where they follow how these were flown.
+    fn of_flights(self, model: &Model, flights: &[&Prepared]) -> Option<Self> {
+        if flights.len() < FEWEST_FLIGHTS {
+            return None;
+        }
+        let all = motors_of_flights(model, flights);
+        let [roll, pitch, _] = all.as_slice() else { return None };
+        let follows = roll.warning.is_some() || pitch.warning.is_some();
+        let scatter = scatter([roll, pitch]).filter(|_| !follows)?;
+        Some(Self { errors: self.errors.sup(&scatter), ..self })
     }
 
-    fn told(&self, lever_m: f64) -> RotorComparison {
+    fn told(&self, lever_m: f64, at_same: AtSame) -> RotorComparison {
         let differs: [bool; 4] = std::array::from_fn(|motor| self.differs(motor));
         let [forward_m, right_m] = [4, 5].map(|k| lever_m * self.values[k]);
         let [forward_std_error_m, right_std_error_m] = [4, 5].map(|k| lever_m * self.errors[k]);
         RotorComparison {
+            at_same,
             motors: std::array::from_fn(|motor| thrust(motor, self.values[motor], self.errors[motor])),
-            differ: differs.contains(&true),
+            differ: self.any_differs(),
             different_motor: self.only_one(differs),
             center_of_mass: CenterOfMass {
                 forward_m,
@@ -270,6 +294,10 @@ impl Answers {
 
     fn differs(&self, motor: usize) -> bool {
         self.stands_out(motor, self.against_the_others(motor))
+    }
+
+    fn any_differs(&self) -> bool {
+        (0..4).any(|motor| self.differs(motor))
     }
 
     fn stands_out(&self, answer: usize, size: f64) -> bool {
@@ -354,7 +382,7 @@ mod tests {
     }
 
     fn told(model: &Model) -> RotorComparison {
-        of_coefficients(model).unwrap().told(model.vehicle.arm_length / 2_f64.sqrt())
+        of_coefficients(model).unwrap().told(model.vehicle.arm_length / 2_f64.sqrt(), AtSame::Speed)
     }
 
     #[test]
@@ -422,7 +450,7 @@ mod tests {
         let errors = SVector::from_element(0.2 / 4.5);
         let values = SVector::from([-0.05, 0.15, -0.05, -0.05, 0.2, 0.0]);
         for (answers, differ) in [(contradictory, false), (clear, true)] {
-            let found = Answers { values, errors: 0.75 * errors, ..answers }.told(0.1);
+            let found = Answers { values, errors: 0.75 * errors, ..answers }.told(0.1, AtSame::Speed);
             assert_eq!((found.differ, found.center_of_mass.off_center), (differ, differ), "{found:?}");
         }
     }
@@ -456,7 +484,8 @@ mod tests {
 
     #[test]
     fn what_differs_is_told_in_sentences() {
-        let sentences = |losses, center| told(&craft(losses, center, 0.001)).sentences();
+        let found = |losses, center| told(&craft(losses, center, 0.001));
+        let sentences = |losses, center| found(losses, center).sentences();
         let nothing: [&str; 0] = [];
         assert_eq!(sentences([0.0; 4], [0.0; 2]), nothing);
         assert_eq!(
@@ -474,6 +503,20 @@ mod tests {
                  (standard error of the fit up to 0.08 %)."
             ]
         );
+    }
+
+    /// Without logged speeds, a motor may be slow or its thrust weak.
+    #[test]
+    fn commands_are_the_same_where_no_speeds_are_logged() {
+        let mut model = craft([0.0, 0.0, 0.0, 0.06], [0.0; 2], 0.001);
+        for (logged, same) in [(true, "speed"), (false, "command")] {
+            model.reference.rotor_speeds_logged = logged;
+            let one = RotorComparison { at_same: AtSame::of(&model), ..told(&model) };
+            let all = RotorComparison { different_motor: None, ..one.clone() };
+            let [one, all] = [one, all].map(|told| told.sentences().swap_remove(0));
+            assert!(one.starts_with(&format!("At the same {same}, motor 4 gives")), "{one}");
+            assert!(all.contains(&format!("at the same {same}, motors 1 to 4 give")), "{all}");
+        }
     }
 
     /// A motor that is weak in every flight, fitted as a user would.
