@@ -45,8 +45,8 @@ pub enum CampaignError {
     OtherParts(PathBuf),
     /// Parts that are missing.
     #[error(
-        "{}: {} of {parts} shards missing: {}; fly them with `{command}`",
-        folder.display(), missing.len(), listed(missing)
+        "{}: {} with `{command}`",
+        folder.display(), missing_shards(missing, *parts)
     )]
     Missing {
         /// Where they ought to be.
@@ -59,7 +59,7 @@ pub enum CampaignError {
         command: String,
     },
     /// A shard that there is not.
-    #[error("shard {shard}: the plan has {shards}, counted from 0")]
+    #[error("there is no shard {shard}: the plan has {}", numbered("shard", *shards))]
     NoSuchShard {
         /// Asked for.
         shard: u64,
@@ -67,13 +67,32 @@ pub enum CampaignError {
         shards: u64,
     },
     /// A case that there is not.
-    #[error("case {case}: the plan has {cases}, counted from 0")]
+    #[error("there is no case {case}: the plan has {}", numbered("case", *cases))]
     NoSuchCase {
         /// Asked for.
         case: u64,
         /// There are.
         cases: u64,
     },
+}
+
+/// "shards 0 and 2 are missing (2 of 7); fly them".
+fn missing_shards(missing: &[u64], parts: u64) -> String {
+    let (shards, them) = match missing.len() {
+        1 => ("shard", "is missing"),
+        _ => ("shards", "are missing"),
+    };
+    let fly = if missing.len() == 1 { "it" } else { "them" };
+    format!("{shards} {} {them} ({} of {parts}); fly {fly}", listed(missing), missing.len())
+}
+
+/// "cases 0 to 119".
+fn numbered(what: &str, count: u64) -> String {
+    match count {
+        0 => format!("no {what}s"),
+        1 => format!("only {what} 0"),
+        more => format!("{what}s 0 to {}", more - 1),
+    }
 }
 
 /// The first few.

@@ -195,7 +195,7 @@ impl Plan {
             Some(name) => names.iter().position(|own| own == name).ok_or_else(|| {
                 CampaignError::content(
                     path,
-                    format!("has no {kind} {name}; choose one of {}", names.join(", ")),
+                    format!("has no {kind} named '{name}'; it has: {}", names.join(", ")),
                 )
             }),
         };
@@ -323,7 +323,7 @@ mod tests {
             plan.search(&wanted, &path).unwrap_err().to_string()
         };
         assert!(refused(None, None).contains("names no number"));
-        assert!(refused(Some("mine"), None).contains("has no gains mine; choose one of designed, thesis"));
-        assert!(refused(None, Some("tour")).contains("has no scenario tour; choose one of hover"));
+        assert!(refused(Some("mine"), None).contains("has no gains named 'mine'; it has: designed, thesis"));
+        assert!(refused(None, Some("tour")).contains("has no scenario named 'tour'; it has: hover"));
     }
 }

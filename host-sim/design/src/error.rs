@@ -157,7 +157,7 @@ impl Criterion {
             Self::LateStability => "stability with the latest pose (1: stable)",
             Self::VelocityLoopGrowth => "growth of the velocity loop's worst mode, 1/s",
             Self::ProportionalLoopGrowth => "growth of the proportional loop's worst mode, 1/s",
-            Self::StabilisingGain => "proportional gain that makes it stable, at least",
+            Self::StabilisingGain => "least proportional gain that stabilises the loop",
             Self::DecayTogether => "decay of the slowest mode, 1/s (above 0: stable)",
         }
     }

@@ -151,7 +151,12 @@ pub(crate) fn what_is_unknown(not_identified: &[NotIdentified]) -> Option<String
             true => format!("The {}", first.group),
             false => format!("The {} ({})", first.group, axes.join(", ")),
         };
-        let (why, fly) = (why.join("; "), fly.join("; "));
+        let more = match reasons.len() - why.len() {
+            0 => String::new(),
+            1 => "; and one more, in the table".to_owned(),
+            more => format!("; and {more} more, in the table"),
+        };
+        let (why, fly) = (why.join("; ") + &more, fly.join("; "));
         Some(format!("{what} is not identified by these flights: {why}. To determine it: {fly}."))
     };
     let all: Vec<String> = GROUPS.iter().filter_map(of_group).collect();

@@ -71,8 +71,8 @@ pub(crate) fn not_told(
     }
     let guesses_speeds = |flight: &&Prepared| !flight.has_voltage && !flight.has_rotor_speeds();
     if !vehicle.has_rotor_map() && flights.iter().any(guesses_speeds) {
-        let why = "neither the battery voltage is logged nor the motors' map known, so the rotor speeds are uncertain";
-        let fly = "log vbat, or measure the motors' map";
+        let why = "neither the battery voltage nor the motor map is known, so the rotor speeds are uncertain";
+        let fly = "log vbat, or measure the motor map";
         found.extend(GROUPS.into_iter().filter(|group| is_left(*group)).map(|group| of(group, why, fly)));
     }
     found

@@ -23,8 +23,7 @@ impl Flight {
             return Err(FlightError::Time { path: path.into(), row: k + 3, before, after });
         }
         if t.len() < 2 {
-            let (rows, duration_s, needed_s) = (t.len(), 0.0, 2.0);
-            return Err(FlightError::TooShort { path: path.into(), rows, duration_s, needed_s });
+            return Err(FlightError::TooShort { path: path.into(), rows: t.len() });
         }
         Ok(())
     }

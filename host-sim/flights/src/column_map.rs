@@ -125,7 +125,7 @@ impl ColumnMap {
 
     /// Parses the text of a map; `path` is for messages.
     pub fn parse(text: &str, path: &Path) -> Result<Self, FlightError> {
-        if let Some(what) = model::too_long(text) {
+        if let Some(what) = model::too_long(text, "a map of columns (columns.toml)") {
             return Err(FlightError::Map { path: path.into(), what });
         }
         // Names and values of the file are in the reasons: a line is a line whatever they hold.

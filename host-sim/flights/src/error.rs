@@ -83,17 +83,13 @@ pub enum FlightError {
         /// Time of this row.
         after: f64,
     },
-    /// Too few samples to use.
-    #[error("{}: has {rows} samples over {duration_s:.2} s; at least {needed_s} s without gaps are needed", path.display())]
+    /// Too few samples for a sampling rate. How long a flight must be depends on that rate: whoever prepares it for a fit says it.
+    #[error("{}: has fewer than two samples ({rows}), so no sampling rate; log a second or more without gaps or missing values", path.display())]
     TooShort {
         /// The file.
         path: PathBuf,
         /// Samples.
         rows: usize,
-        /// First to last time, s.
-        duration_s: f64,
-        /// What is needed, s.
-        needed_s: f64,
     },
     /// No voltage for a motor map that depends on it.
     #[error(

@@ -25,6 +25,21 @@ pub enum Format {
 }
 
 impl Format {
+    /// The name as people write it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Ulog => "ULog",
+            Self::Dataflash => "DataFlash",
+            Self::Blackbox => "Blackbox",
+            Self::Crazyflie => "Crazyflie",
+            Self::Rosbag1 => "ROS 1 bag",
+            Self::Rosbag2 => "ROS 2 bag",
+            Self::Mcap => "MCAP",
+            Self::Parquet => "Parquet",
+            Self::Csv => "CSV",
+        }
+    }
+
     /// The format of a file by its first kilobytes; none for what is not known and for text without names of a program.
     pub fn of(bytes: &[u8]) -> Option<Self> {
         const MAGIC: [(&[u8], Format); 8] = [

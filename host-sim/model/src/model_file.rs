@@ -210,7 +210,7 @@ impl Model {
 
     /// Parses and checks the text of a model file; `path` is for messages.
     pub fn parse(text: &str, path: &Path) -> Result<Self, ModelError> {
-        if let Some(message) = too_long(text) {
+        if let Some(message) = too_long(text, "a model file") {
             return Err(ModelError::Parse { path: path.to_owned(), message });
         }
         let parse_error = |error: toml::de::Error| ModelError::Parse {

@@ -278,7 +278,7 @@ impl Vehicle {
 
     /// Parses and checks the text of a vehicle file; `path` is for messages.
     pub fn parse(text: &str, path: &Path) -> Result<Self, VehicleError> {
-        if let Some(message) = too_long(text) {
+        if let Some(message) = too_long(text, "a vehicle file") {
             return Err(VehicleError::Parse { path: path.to_owned(), message });
         }
         let vehicle: Self = toml::from_str(text).map_err(|error| VehicleError::Parse {
@@ -380,11 +380,11 @@ impl Vehicle {
 /// hundred times its text.
 pub const LONGEST_TOML_BYTES: usize = 1 << 18;
 
-/// Why a text is too long to be such a file, if it is.
-pub fn too_long(text: &str) -> Option<String> {
+/// Why a text is too long to be such a file, if it is. `expected` names the kind of file: "a model file".
+pub fn too_long(text: &str, expected: &str) -> Option<String> {
     (text.len() > LONGEST_TOML_BYTES).then(|| {
         format!(
-            "has {} bytes, and no such file has more than {LONGEST_TOML_BYTES}; is it the right one?",
+            "is too large for {expected}: it has {} bytes, the limit is {LONGEST_TOML_BYTES}; give {expected}",
             text.len()
         )
     })

@@ -229,7 +229,7 @@ fn a_flight_is_given_once() {
     refused(
         folder.path(),
         &sets(&["A.csv", "B.csv"], &["A.csv"]),
-        &["A.csv: ", "the same flight", "cannot test its own fit"],
+        &["A.csv: ", "is given to both --train and --validate", "a flight used for the fit cannot test it"],
     );
     std::fs::copy(folder.path().join("A.csv"), folder.path().join("X.csv")).unwrap();
     refused(folder.path(), &sets(&["A.csv", "B.csv"], &["X.csv"]), &["X.csv: ", "the same flight as A.csv"]);

@@ -46,7 +46,7 @@ fn shards_in_any_number_and_order_merge_to_the_same_bytes() {
     assert_eq!(why.status.code(), Some(2));
     let why = String::from_utf8(why.stderr).unwrap();
     let command =
-        "3 of 7 shards missing: 1, 2, 4; fly them with `quadlab campaign run plan.json --out parts`";
+        "shards 1, 2, 4 are missing (3 of 7); fly them with `quadlab campaign run plan.json --out parts`";
     assert!(why.contains(command), "{why}");
     // The environment of a cluster names a shard as well, and the rest is flown without one.
     let mut task = Command::new(env!("CARGO_BIN_EXE_quadlab"));
@@ -349,8 +349,8 @@ fn mistakes_are_one_line_each() {
     std::fs::write(path.join("heavy.toml"), DEFINITION.replacen("[-0.1, 0.1]", "[2.0, 2.0]", 1)).unwrap();
     done_in(path, &["campaign", "plan", "heavy.toml", "--out", "heavy.json"]);
     refused(&["campaign", "why", "heavy.json", "0"], "case 0: no gains could fly it: ");
-    refused(&[&RUN[..], &["--shard", "2"]].concat(), "shard 2: the plan has 2, counted from 0");
-    refused(&["campaign", "replay", "plan.json", "160"], "case 160: the plan has 160, counted from 0");
+    refused(&[&RUN[..], &["--shard", "2"]].concat(), "there is no shard 2: the plan has shards 0 to 1");
+    refused(&["campaign", "replay", "plan.json", "160"], "there is no case 160: the plan has cases 0 to 159");
     refused(
         &["campaign", "run", "c.toml", "--out", "parts"],
         "c.toml: is not a campaign's plan; make one with",

@@ -263,7 +263,8 @@ fn an_effect_that_the_flights_do_not_support_is_added_and_said_to_be_so() {
     identify(folder.path());
     let add = ["add", "rate-coupling", "--model", "model.toml", "--out", "worse.toml"];
     let text = done_in(folder.path(), &with_sets(&add));
-    assert!(text.contains("NOT supported"), "{text}");
+    let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(text.contains("NOT supported") && text.contains("(rate-coupling means: Pitching"), "{text}");
     let model = Model::read(&folder.path().join("worse.toml")).unwrap();
     assert!(model.has(Effect::RateCoupling) && !model.history[0].supported);
     // A second effect keeps the history of the first.

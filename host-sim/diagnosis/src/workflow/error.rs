@@ -1,6 +1,6 @@
 //! Why the workflow ends without an answer.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use flights::FlightError;
 use sysid::{FitError, PrepareError, RefineError};
@@ -46,7 +46,7 @@ pub enum WorkflowError {
         why: String,
     },
     /// The same content twice, whatever the names.
-    #[error("{}: is the same flight as {}{}; give each flight once", again.display(), first.display(), why_once(*in_both_sets))]
+    #[error("{}", given_twice(first, again, *in_both_sets))]
     GivenTwice {
         /// The one.
         first: PathBuf,
@@ -108,8 +108,16 @@ fn flights_to_fit_on(count: usize) -> String {
     }
 }
 
-fn why_once(in_both_sets: bool) -> &'static str {
-    if in_both_sets { ", and a training flight cannot test its own fit" } else { "" }
+/// The same file is named once; two files with the same content are both named.
+fn given_twice(first: &Path, again: &Path, in_both_sets: bool) -> String {
+    const WHY: &str = "a flight used for the fit cannot test it";
+    let (same, again) = (first == again, again.display());
+    match (same, in_both_sets) {
+        (true, true) => format!("{again}: is given to both --train and --validate; {WHY}"),
+        (true, false) => format!("{again}: is given twice; give each flight once"),
+        (false, true) => format!("{again}: is the same flight as {}; {WHY}: give each flight once", first.display()),
+        (false, false) => format!("{again}: is the same flight as {}; give each flight once", first.display()),
+    }
 }
 
 #[cfg(test)]
@@ -118,15 +126,19 @@ mod tests {
 
     #[test]
     fn a_flight_given_twice_is_told_why_where_it_was_to_judge_its_own_fit() {
-        let twice = |in_both_sets| {
-            let (first, again) = (PathBuf::from("a/1.csv"), PathBuf::from("b/2.csv"));
+        let twice = |first: &str, in_both_sets| {
+            let (first, again) = (PathBuf::from(first), PathBuf::from("b/2.csv"));
             WorkflowError::GivenTwice { first, again, in_both_sets }.to_string()
         };
-        assert_eq!(twice(false), "b/2.csv: is the same flight as a/1.csv; give each flight once");
+        assert_eq!(twice("a/1.csv", false), "b/2.csv: is the same flight as a/1.csv; give each flight once");
         assert_eq!(
-            twice(true),
-            "b/2.csv: is the same flight as a/1.csv, and a training flight cannot test its own fit; \
-             give each flight once"
+            twice("a/1.csv", true),
+            "b/2.csv: is the same flight as a/1.csv; a flight used for the fit cannot test it: give each flight once"
+        );
+        assert_eq!(twice("b/2.csv", false), "b/2.csv: is given twice; give each flight once");
+        assert_eq!(
+            twice("b/2.csv", true),
+            "b/2.csv: is given to both --train and --validate; a flight used for the fit cannot test it"
         );
     }
 

@@ -92,7 +92,11 @@ fn text(options: &Options, added: &Added) -> Outcome {
     let addition = &added.addition;
     let finding = &addition.finding;
     let verdict = if finding.supported { "is supported" } else { "is NOT supported by these flights" };
-    let sentence = finding.sentence();
+    // What is not supported must not read as if it had been found.
+    let sentence = match finding.supported {
+        true => finding.sentence(),
+        false => format!("({} means: {})", finding.effect, finding.effect.info().sentence),
+    };
     let samples = |axis| added.model.fit.as_ref().map_or(0, |fit| fit.held_out[axis].samples);
     let rms = |sse: &PerAxis<f64>| PerAxis::from_fn(|axis| (sse[axis] / samples(axis) as f64).sqrt());
     Outcome::done(format!(

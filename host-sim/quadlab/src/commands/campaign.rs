@@ -446,7 +446,7 @@ fn sentence(plan: &Plan, flight: &CaseFlight) -> String {
     let how = match (lost, impossible) {
         (_, Some(why)) => format!("no gains could fly it: {why}"),
         (Some((why, at_s)), _) => format!("lost after {at_s:.2} s: {why}"),
-        (None, None) => format!("kept; at its end the supervisor was in state {ended}"),
+        (None, None) => format!("not lost; at the end it was {ended}"),
     };
     let fault = drawn.fault.map(|fault| format!(" Fault: {fault}.")).unwrap_or_default();
     let events = if events.is_empty() { String::new() } else { format!(" The supervisor saw: {events}.") };

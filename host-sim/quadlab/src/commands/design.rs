@@ -7,7 +7,7 @@ use campaign::NamedText;
 use clap::Subcommand;
 use design::check::{CheckOptions, CheckReport, check};
 use design::synthesis::{Designed, Method, Shortfall, Specs, Step, design};
-use design::{DesignError, Gains, Provenance};
+use design::{Criterion, DesignError, Gains, Provenance};
 use model::{Model, NotIdentified};
 use report::significant;
 use schemars::JsonSchema;
@@ -176,6 +176,11 @@ fn unmet(options: &Options, method: Method, shortfall: &Shortfall) -> anyhow::Re
 fn not_met(shortfalls: &[Shortfall]) -> String {
     let mut text = String::new();
     for s in shortfalls {
+        if s.what == Criterion::StabilisingGain {
+            let least = significant(s.wanted, 1);
+            let _ = writeln!(text, "NOT MET: {}: no proportional gain of at least {least} stabilises this loop", s.name);
+            continue;
+        }
         // Digits enough to tell the two apart.
         let both = |digits| (significant(s.wanted, digits), significant(s.reached, digits));
         let (wanted, reached) =

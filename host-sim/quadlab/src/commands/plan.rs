@@ -20,6 +20,7 @@ use crate::render::tables;
 /// that they would give. Exit status 1 if none gives enough.
 #[derive(clap::Args)]
 #[command(
+    group(clap::ArgGroup::new("goal").required(true).args(["separate", "shrink"])),
     after_help = "Examples:\n  quadlab plan --model model.toml --separate steady-wind attitude-offset --out next.csv\n  quadlab plan --model model.toml --shrink C_du --out next.csv\n  quadlab plan --model model.toml --shrink ground-effect.k_ground"
 )]
 pub(crate) struct Options {
@@ -32,13 +33,7 @@ pub(crate) struct Options {
     gains: Option<PathBuf>,
 
     /// Two effects to tell apart, for example: --separate steady-wind attitude-offset
-    #[arg(
-        long,
-        value_name = "EFFECT",
-        num_args = 2,
-        required_unless_present = "shrink",
-        conflicts_with = "shrink"
-    )]
+    #[arg(long, value_name = "EFFECT", num_args = 2)]
     separate: Option<Vec<String>>,
 
     /// Coefficient whose standard error to reduce, for example: --shrink C_du, or --shrink linear-drag.C_du

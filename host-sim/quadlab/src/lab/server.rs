@@ -30,11 +30,11 @@ pub(crate) fn serve(options: &Options) -> anyhow::Result<()> {
 
 async fn run(options: &Options) -> anyhow::Result<()> {
     let folder = options.folder.canonicalize().with_context(|| {
-        format!("{}: cannot be opened; name the folder in which the flights lie", options.folder.display())
+        format!("{}: cannot be opened; name the folder that contains the flights", options.folder.display())
     })?;
     anyhow::ensure!(
         folder.is_dir(),
-        "{}: is a file; name the folder in which the flights lie",
+        "{}: is a file; name the folder that contains the flights",
         options.folder.display()
     );
     let session = Arc::new(Session::open(&folder)?);

@@ -122,7 +122,7 @@ fn dated(moment: &Moment) -> String {
 fn explained(event: &Event) -> String {
     if event.causes_disagree {
         return format!(
-            "the cause cannot be told: what is kept of the flights says {}, diagnose --changed says {}; look at what was done to the craft then",
+            "the cause cannot be told: the flights' records point to {}, diagnose --changed says {}; look at what was done to the craft then",
             event.explanations.first().map_or_else(|| "no known change".into(), named),
             in_logs(event).unwrap_or_default()
         );

@@ -34,14 +34,20 @@ pub(crate) fn of(read: &[Read], out: &Path, vehicle: Option<(&Path, bool)>, draf
     said
 }
 
+fn counted(count: usize, what: &str) -> String {
+    let plural = if count == 1 { "" } else { "s" };
+    format!("{count} {what}{plural}")
+}
+
 fn log(import: &Import) -> String {
     let rows: usize = import.messages.iter().map(|messages| messages.count).sum();
     let firmware = import.firmware.as_deref().map_or(String::new(), |firmware| format!(", {firmware}"));
     let mut said = format!(
-        "{}: {:?}{firmware}, {rows} rows of {} kinds of messages\n",
+        "{}: {}{firmware}, {} of {} of messages\n",
         import.path.display(),
-        import.format,
-        import.messages.len()
+        import.format.name(),
+        counted(rows, "row"),
+        counted(import.messages.len(), "kind")
     );
     let mut sources = Grid::new("quantities", [text("quantity"), text("from")]);
     for (name, source) in [

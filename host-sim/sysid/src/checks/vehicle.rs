@@ -55,11 +55,11 @@ pub fn unmeasured(vehicle: &Vehicle) -> Option<Fault> {
     Some(warning(
         FaultKind::UnmeasuredVehicle,
         format!(
-            "vehicle file: {} not measured yet but at values of a usual craft: forces, loads and lengths of the model scale with them; \
+            "vehicle file: {} not been measured; typical values are used: forces, loads and lengths of the model scale with them; \
              measure them and take them out of `unmeasured`",
             match &vehicle.unmeasured[..] {
-                [one] => format!("{one} is"),
-                [rest @ .., last] => format!("{} and {last} are", rest.join(", ")),
+                [one] => format!("{one} has"),
+                [rest @ .., last] => format!("{} and {last} have", rest.join(", ")),
                 [] => String::new(),
             }
         ),

@@ -211,7 +211,7 @@ fn about_mean(mut signal: Vec<f64>) -> Vec<f64> {
 }
 
 fn warning(motors: &MotorsOfFlights) -> Option<String> {
-    const REMEDY: &str = "fly each motor excited by itself at several hertz";
+    const REMEDY: &str = "excite each motor by itself at several hertz";
     if let Some(response) = motors.response.as_ref().filter(|response| response.contradicts()) {
         return Some(format!("{}; {REMEDY}", response.sentence()));
     }

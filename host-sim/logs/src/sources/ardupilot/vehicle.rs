@@ -95,7 +95,7 @@ fn refuse_other_vehicles(log: &Log) -> Result<(), String> {
         return Ok(());
     }
     if let Some((_, what)) = OTHERS.iter().find(|(name, _)| firmware.contains(name)) {
-        return Err(format!("a log of {what}, {}: only quadcopters are read", short(firmware)));
+        return Err(format!("comes from {what}, {}; quadlab reads only quadcopters", short(firmware)));
     }
     let is_copter = ["FRAME_CLASS", "FRAME", "MOT_SPIN_ARM", "MOT_SPIN_ARMED"]
         .iter()
@@ -103,7 +103,7 @@ fn refuse_other_vehicles(log: &Log) -> Result<(), String> {
     if is_copter {
         Ok(())
     } else {
-        Err("does not say which vehicle it is from (no MSG, no parameters): only quadcopters are read".into())
+        Err("does not say which vehicle it comes from (no MSG, no parameters); quadlab reads only quadcopters".into())
     }
 }
 
@@ -116,12 +116,12 @@ fn refuse_other_frames(log: &Log, notes: &mut Vec<String>) -> Result<(), String>
         Some(class) => {
             let name =
                 CLASSES.iter().find(|(number, _)| *number == class).map_or("unknown frame", |(_, name)| name);
-            return Err(format!("a {name} (FRAME_CLASS {class}): only quadcopters are read"));
+            return Err(format!("comes from a {name} (FRAME_CLASS {class}); quadlab reads only quadcopters"));
         }
     }
     match text {
         Some(text) if text.starts_with("QUAD") => Ok(()),
-        Some(text) => Err(format!("a copter of frame {}: only quadcopters are read", short(text))),
+        Some(text) => Err(format!("comes from a copter of frame {}; quadlab reads only quadcopters", short(text))),
         None => {
             notes.push("the log does not say how many rotors there are (FRAME_CLASS): taken for four".into());
             Ok(())

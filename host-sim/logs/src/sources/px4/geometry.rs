@@ -20,18 +20,18 @@ pub(super) struct Layout {
 pub(super) fn layout(parameters: &BTreeMap<String, f64>) -> Result<Layout, String> {
     if let Some(airframe) = parameters.get("CA_AIRFRAME").filter(|airframe| **airframe != 0.0) {
         return Err(format!(
-            "is of a craft with other actuators (CA_AIRFRAME {airframe}): only plain quadcopters are read"
+            "comes from a craft with other actuators (CA_AIRFRAME {airframe}); quadlab reads only plain quadcopters"
         ));
     }
     match parameters.get("CA_ROTOR_COUNT") {
         Some(4.0) => of_rotors(parameters),
         // A count of nothing is a craft that was not set up: it cannot have flown by these parameters.
         Some(count) if *count != 0.0 => {
-            Err(format!("is of a craft with {count} rotors (CA_ROTOR_COUNT): only quadcopters are read"))
+            Err(format!("comes from a craft with {count} rotors (CA_ROTOR_COUNT); quadlab reads only quadcopters"))
         }
         _ => match parameters.get("SYS_AUTOSTART") {
             Some(airframe) if (5000.0..6000.0).contains(airframe) => {
-                Err(format!("is of a quadcopter in plus (SYS_AUTOSTART {airframe}): only X frames are read"))
+                Err(format!("comes from a quadcopter in plus (SYS_AUTOSTART {airframe}); quadlab reads only X frames"))
             }
             _ => Ok(Layout {
                 order: [2, 0, 3, 1],

@@ -10,7 +10,7 @@ use super::topics::{topic, topic_of};
 /// Why a log is refused, if it is.
 pub(super) fn check(log: &Log) -> Result<(), String> {
     if let Some(craft) = other_craft(log) {
-        return Err(format!("is of {craft}: only quadcopters are read"));
+        return Err(format!("comes from {craft}; quadlab reads only quadcopters"));
     }
     if topic(log, "vehicle_attitude").is_none() {
         return Err(no_attitude(log));
@@ -59,7 +59,7 @@ fn other_craft(log: &Log) -> Option<String> {
         19..=25 => "a VTOL aircraft",
         29 => "a dodecacopter (twelve rotors)",
         35 => "a decacopter (ten rotors)",
-        _ => "no quadcopter",
+        _ => "another kind of craft",
     };
     Some(format!("{name} (MAV_TYPE {kind})"))
 }
