@@ -189,7 +189,9 @@ fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -
         None => nothing.into(),
         Some(loss) => {
             let loss = percent(100.0 * loss);
-            format!("{nothing} A motor that had lost {loss} % of its thrust in all of these flights would have stood out.")
+            format!(
+                "{nothing} A motor that had lost {loss} % of its thrust in all of these flights would have stood out."
+            )
         }
     }
 }
@@ -241,7 +243,9 @@ mod tests {
         assert_eq!(summary(Verdict::Adequate, (None, &[]), None, None), nothing);
         assert_eq!(
             summary(Verdict::Adequate, (None, &[]), None, Some(0.0643)),
-            format!("{nothing} A motor that had lost 6.4 % of its thrust in all of these flights would have stood out.")
+            format!(
+                "{nothing} A motor that had lost 6.4 % of its thrust in all of these flights would have stood out."
+            )
         );
         let mut named = found(Effect::MassChange, None, true);
         named.1.drop_percent = 61.27;

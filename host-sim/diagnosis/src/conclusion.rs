@@ -272,6 +272,15 @@ mod tests {
     }
 
     #[test]
+    fn reasons_that_a_sentence_leaves_out_are_counted() {
+        let said = what_is_unknown(&[unknown(Axis::U), unknown(Axis::V), unknown(Axis::W)]).unwrap();
+        assert!(said.starts_with("The translation (u, v, w) is not identified"), "{said}");
+        assert!(said.contains("; and one more, in the table. To determine it: "), "{said}");
+        let said = what_is_unknown(&[unknown(Axis::U), unknown(Axis::V)]).unwrap();
+        assert!(!said.contains("more, in the table"), "{said}");
+    }
+
+    #[test]
     fn what_was_found_of_one_part_stands_though_the_other_is_unknown() {
         let wind = taking(Effect::SteadyWind, true, &[("u", 50.0)]);
         let found = conclude(vec![wind], Vec::new(), vec![no_rotation()]);

@@ -21,7 +21,8 @@ const IMPORT: &str = "make flight files of it with quadlab import";
 fn toml(first: &[u8]) -> Option<&'static str> {
     let text = String::from_utf8_lossy(first);
     let line = text.lines().map(str::trim).find(|line| !line.is_empty() && !line.starts_with('#'))?;
-    let is_key = |key: &str| key.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'-' | b'.'));
+    let is_key =
+        |key: &str| key.bytes().all(|b| b.is_ascii_alphanumeric() || matches!(b, b'_' | b'-' | b'.'));
     let is_table = line.strip_prefix('[').and_then(|head| head.strip_suffix(']')).is_some_and(is_key);
     match line.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
         Some(("format", "\"quadlab-model\"")) => Some("a quadlab model (TOML)"),

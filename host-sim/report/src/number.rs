@@ -78,7 +78,10 @@ pub fn value_and_error(value: f64, std_error: Option<f64>) -> [String; 2] {
     // Two digits of the error as it is after rounding: 0.0996 is 0.10.
     let last = exponent(error) - 1 - power;
     let suffix = if power == 0 { String::new() } else { format!("e{power}") };
-    [value, error].map(|v| format!("{}{suffix}", rounded_to(v / 10_f64.powi(power), last)))
+    [value, error].map(|v| match rounded_to(v / 10_f64.powi(power), last) {
+        zero if zero.chars().all(|c| matches!(c, '0' | '.')) => zero,
+        number => format!("{number}{suffix}"),
+    })
 }
 
 /// Power of ten of the first of two significant digits.
@@ -102,7 +105,10 @@ pub fn with_error(value: f64, std_error: f64, unit_of_both: &str) -> String {
     if !(std_error > 0.0 && std_error.is_finite()) {
         return with_unit(&significant(value, 4), unit_of_both);
     }
-    let [value, error] = value_and_error(value, Some(std_error));
+    // Lengths have a unit of their own for what is small.
+    let is_small = unit_of_both == "m" && value.abs().max(std_error) < 1e-3;
+    let (scale, unit_of_both) = if is_small { (1e3, "mm") } else { (1.0, unit_of_both) };
+    let [value, error] = value_and_error(scale * value, Some(scale * std_error));
     with_unit(&format!("{value} ± {error}"), unit_of_both)
 }
 
@@ -229,6 +235,8 @@ mod tests {
         }
         assert_eq!(with_error(0.14, 0.002, "1"), "0.1400 ± 0.0020");
         assert_eq!(with_error(0.14, 0.002, "m"), "0.1400 ± 0.0020 m");
+        assert_eq!(with_error(-491e-6, 91e-6, "m"), "-0.491 ± 0.091 mm");
+        assert_eq!(with_error(1.2e5, 1.1e8, "1"), "0 ± 110e6");
         for unknown in [0.0, f64::NAN, f64::INFINITY] {
             assert_eq!(with_error(0.14, unknown, "1"), "0.1400");
             assert_eq!(with_error(0.14, unknown, "m"), "0.1400 m");

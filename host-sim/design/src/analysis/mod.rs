@@ -18,5 +18,6 @@ pub use response::{
     least_damped, step_metrics, value_at,
 };
 pub use root_locus::root_locus;
+pub(crate) use steady_tilt::extrapolated;
 pub use steady_tilt::{Direction, SteadyTilt, steady_tilts};
 pub use study::{Study, Together};

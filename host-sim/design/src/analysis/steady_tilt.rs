@@ -80,6 +80,31 @@ pub struct SteadyTilt {
     pub battery_v: f64,
 }
 
+impl SteadyTilt {
+    /// What ends it, in words.
+    pub fn limited_by(&self) -> String {
+        match self.motor {
+            Some(motor) => format!("motor {motor}"),
+            None if self.speed_m_s >= FASTEST_M_S => {
+                format!("not limited up to {FASTEST_M_S} m/s, the fastest that is tried")
+            }
+            None => "no equilibrium at higher speeds".into(),
+        }
+    }
+}
+
+/// A note where tilts were reached at speeds that the flights of the model never had.
+pub(crate) fn extrapolated(model: &Model, tilts: &[SteadyTilt]) -> Option<String> {
+    let flown_m_s = model.fit.as_ref()?.flown_speed_m_s?;
+    let fastest_m_s = tilts.iter().map(|tilt| tilt.speed_m_s).fold(0.0, f64::max);
+    (fastest_m_s > flown_m_s).then(|| {
+        format!(
+            "the greatest tilts are held at up to {fastest_m_s:.1} m/s, but the flights of the model were hardly ever faster than \
+             {flown_m_s:.1} m/s: its drag is extrapolated"
+        )
+    })
+}
+
 /// The greatest tilts that can be held; empty for a model whose motors cannot be commanded.
 ///
 /// # Errors
@@ -127,6 +152,27 @@ mod tests {
 
     use super::*;
     use crate::plant::{TrimTarget, equilibrium};
+
+    #[test]
+    fn a_bound_of_the_search_is_no_limit_and_speeds_that_were_never_flown_are_extrapolated() {
+        let tilt = |speed_m_s: f64, motor| SteadyTilt {
+            direction: Direction::Right,
+            tilt_deg: 50.0,
+            speed_m_s,
+            motor,
+            battery_v: 11.1,
+        };
+        assert_eq!(tilt(9.0, Some(2)).limited_by(), "motor 2");
+        assert!(tilt(FASTEST_M_S, None).limited_by().starts_with("not limited up to 60 m/s"));
+        assert_eq!(tilt(9.0, None).limited_by(), "no equilibrium at higher speeds");
+        let mut model = Model::thesis();
+        assert_eq!(extrapolated(&model, &[tilt(60.0, None)]), None, "a model that does not say");
+        model.fit = Some(model::FitRecord { flown_speed_m_s: Some(3.0), ..model::FitRecord::default() });
+        assert_eq!(extrapolated(&model, &[tilt(2.9, Some(1))]), None);
+        assert!(
+            extrapolated(&model, &[tilt(60.0, None)]).unwrap().contains("hardly ever faster than 3.0 m/s")
+        );
+    }
 
     /// Against the force balance by hand: without moments from the air, equal rotors and equal drag
     /// D along all axes, the thrust T = 4 k w^2 at the greatest rotor speed carries m g and holds D

@@ -8,7 +8,7 @@ use super::battery::battery_reports;
 use super::loops::{disturbance_report, loop_report, moved_zeros, step_report};
 use super::report::{CheckOptions, CheckReport};
 use super::uncertainty::{has_errors, uncertainty};
-use crate::analysis::{Study, steady_tilts};
+use crate::analysis::{Study, extrapolated, steady_tilts};
 use crate::error::Result;
 use crate::loops::View;
 
@@ -39,6 +39,8 @@ pub fn check(model: &Model, config: &Config, options: &CheckOptions) -> Result<C
         && loops.iter().all(|l| l.stable)
         && battery.iter().all(|b| b.loops.iter().all(|l| l.stable))
         && uncertainty.as_ref().is_none_or(|u| u.unstable + u.failed == 0);
+    let steady_tilts = steady_tilts(model)?;
+    notes.extend(extrapolated(model, &steady_tilts));
     Ok(CheckReport {
         vehicle: model.vehicle.name.clone(),
         view: match options.view {
@@ -57,7 +59,7 @@ pub fn check(model: &Model, config: &Config, options: &CheckOptions) -> Result<C
         moved_zero: moved_zeros(config, &study, options.view)?,
         uncertainty,
         battery,
-        steady_tilts: steady_tilts(model)?,
+        steady_tilts,
         notes,
     })
 }

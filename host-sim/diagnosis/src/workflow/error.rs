@@ -115,8 +115,12 @@ fn given_twice(first: &Path, again: &Path, in_both_sets: bool) -> String {
     match (same, in_both_sets) {
         (true, true) => format!("{again}: is given to both --train and --validate; {WHY}"),
         (true, false) => format!("{again}: is given twice; give each flight once"),
-        (false, true) => format!("{again}: is the same flight as {}; {WHY}: give each flight once", first.display()),
-        (false, false) => format!("{again}: is the same flight as {}; give each flight once", first.display()),
+        (false, true) => {
+            format!("{again}: is the same flight as {}; {WHY}: give each flight once", first.display())
+        }
+        (false, false) => {
+            format!("{again}: is the same flight as {}; give each flight once", first.display())
+        }
     }
 }
 

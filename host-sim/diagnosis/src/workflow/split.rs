@@ -81,7 +81,8 @@ fn blocks<'a>(only: &Source<'a>, vehicle: &Vehicle) -> Result<(Sources<'a>, Sour
             .collect();
         let mut cut = flight.with_rows(&keep);
         let stem = flight.name.trim_end_matches(".csv");
-        cut.name = format!("{stem}-{}.csv", if held_out { "held-out-blocks" } else { "training-blocks" });
+        // No name of a file: there is none.
+        cut.name = format!("{stem} ({} blocks)", if held_out { "held-out" } else { "training" });
         Source::Cut(path, Box::new(cut))
     };
     Ok((vec![part(false)], vec![part(true)]))

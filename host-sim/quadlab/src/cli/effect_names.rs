@@ -57,7 +57,9 @@ mod tests {
 
     #[test]
     fn the_letters_between_two_words_are_counted() {
-        for (from, to, letters) in [("kitten", "sitting", 3), ("", "abc", 3), ("abc", "abc", 0), ("flaw", "lawn", 2)] {
+        for (from, to, letters) in
+            [("kitten", "sitting", 3), ("", "abc", 3), ("abc", "abc", 0), ("flaw", "lawn", 2)]
+        {
             assert_eq!(edits(from, to), letters, "{from} {to}");
             assert_eq!(edits(to, from), letters, "{to} {from}");
         }
@@ -66,9 +68,10 @@ mod tests {
     #[test]
     fn a_slip_is_told_what_it_means_and_another_word_is_not() {
         let said = |id: &str| known_effect(id).unwrap_err().to_string();
-        assert!(said("ground-efect").starts_with(
-            "unknown effect \"ground-efect\"; did you mean ground-effect? known are "
-        ));
+        assert!(
+            said("ground-efect")
+                .starts_with("unknown effect \"ground-efect\"; did you mean ground-effect? known are ")
+        );
         assert!(said("fog").starts_with("unknown effect \"fog\"; known are "));
     }
 }

@@ -75,12 +75,41 @@ pub(crate) fn apply(flights: &[&PathBuf], vehicle: &Vehicle, reading: Reading) -
 
 /// Warns on standard error. For the end of a command: one that is refused says why in one line and nothing else.
 pub(crate) fn warn(faults: &Faults) {
-    for listed in faults.listed().iter().filter(|listed| listed.fault.severity != Severity::Note) {
-        colour::warn(&format!("{}: {}", listed.whose, listed.fault.sentence));
+    let told = faults.listed().iter().filter(|listed| listed.fault.severity != Severity::Note);
+    for warning in grouped(told.map(|listed| (listed.whose.as_str(), listed.fault.sentence.as_str()))) {
+        colour::warn(&warning);
     }
     for sentence in faults.withdrawn() {
         colour::note(sentence);
     }
+}
+
+/// One line for what is said of several flights in the same words, and for what is found in several places of one and has the same
+/// remedy: a remedy that is told eighteen times hides everything else.
+fn grouped<'a>(told: impl Iterator<Item = (&'a str, &'a str)>) -> Vec<String> {
+    let mut by_sentence: Vec<(Vec<&str>, &str)> = Vec::new();
+    for (whose, sentence) in told {
+        match by_sentence.iter_mut().find(|(_, known)| *known == sentence) {
+            Some((all, _)) => all.push(whose),
+            None => by_sentence.push((vec![whose], sentence)),
+        }
+    }
+    let mut by_remedy: Vec<(Vec<&str>, Vec<&str>, Option<&str>)> = Vec::new();
+    for (whose, sentence) in by_sentence {
+        let (found, remedy) = sentence.split_once(": ").map_or((sentence, None), |(a, b)| (a, Some(b)));
+        let same = |known: &&mut (Vec<&str>, _, Option<&str>)| {
+            remedy.is_some() && known.0 == whose && known.2 == remedy
+        };
+        match by_remedy.iter_mut().find(same) {
+            Some((_, all, _)) => all.push(found),
+            None => by_remedy.push((whose, vec![found], remedy)),
+        }
+    }
+    let line = |(whose, found, remedy): (Vec<&str>, Vec<&str>, Option<&str>)| {
+        let remedy = remedy.map_or_else(String::new, |remedy| format!(": {remedy}"));
+        format!("{}: {}{remedy}", whose.join(", "), found.join("; "))
+    };
+    by_remedy.into_iter().map(line).collect()
 }
 
 /// A document with the faults and the clocks of the flights it is about.
@@ -164,4 +193,28 @@ pub(crate) fn json<'a>(
         |flight: &'a LoadedFlight| ClockEntry { flight: &flight.prepared.name, clocks: flight.clocks };
     let (clocks, used) = flights.into_iter().map(|flight| (entry(flight), UsedEntry::of(flight))).unzip();
     Outcome::json(&WithFaults { document, faults: faults.all(), withdrawn: faults.withdrawn(), clocks, used })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_words_and_the_same_remedy_are_told_once() {
+        let told = [
+            ("A.csv", "rates are smoothed: log p, q, r"),
+            ("craft", "C_u = 1 should be negative: check z"),
+            ("B.csv", "rates are smoothed: log p, q, r"),
+            ("craft", "C_v = 2 should be negative: check z"),
+            ("craft", "no remedy"),
+        ];
+        assert_eq!(
+            grouped(told.into_iter()),
+            [
+                "A.csv, B.csv: rates are smoothed: log p, q, r",
+                "craft: C_u = 1 should be negative; C_v = 2 should be negative: check z",
+                "craft: no remedy",
+            ]
+        );
+    }
 }

@@ -23,8 +23,12 @@ use crate::render::tables;
 /// Prints the error of each axis on the held-out flights before and after. An effect that the flights do not support is
 /// added all the same, and the output says so.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  quadlab add ground-effect --model model.toml --train A.csv B.csv C.csv \
-                        --validate D.csv E.csv --out better.toml\n\n`quadlab effects` lists the effects.")]
+#[command(
+    override_usage = "quadlab add [OPTIONS] --model <TOML> --out <TOML> <EFFECT> <FLIGHTS>...\n       quadlab add [OPTIONS] --model <TOML> --out <TOML> <EFFECT> \
+                      --train <FLIGHTS>... --validate <FLIGHTS>...",
+    after_help = "Example:\n  quadlab add ground-effect --model model.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --out better.toml\n\n`quadlab effects` lists the effects."
+)]
 pub(crate) struct Options {
     /// The effect's identifier, for example: ground-effect
     effect: String,

@@ -13,7 +13,7 @@ use crate::cli::flights;
 use crate::cli::model_files::read_model;
 use crate::cli::output::{Outcome, OutputOptions, provenance};
 use crate::cli::terminal::Terminal;
-use crate::render::{pages, tables};
+use crate::render::{pages, tables, unpredicted};
 
 /// Compare a model with flights: errors of each axis, open-loop prediction, and where it fails most.
 #[derive(clap::Args)]
@@ -128,9 +128,10 @@ fn report_several(options: &Options, compared: &[Compared]) -> anyhow::Result<Ou
     }
     faults::warn(faults);
     let mut text = format!(
-        "{}\n{}",
+        "{}\n{}{}",
         tables::side_by_side(&columns).to_text(),
-        tables::horizons_side_by_side(&columns).to_text()
+        tables::horizons_side_by_side(&columns).to_text(),
+        unpredicted::footnote(columns.iter().map(|(_, comparison)| *comparison))
     );
     if let Some(path) = &options.html {
         text.push_str(&format!("\npage: {}\n", path.display()));
@@ -140,9 +141,10 @@ fn report_several(options: &Options, compared: &[Compared]) -> anyhow::Result<Ou
 
 fn text(options: &Options, flights: &[LoadedFlight], comparison: &Comparison) -> String {
     let mut text = format!(
-        "{}\n{}\n{}",
+        "{}\n{}{}\n{}",
         tables::comparison(comparison).to_text(),
         tables::horizons(comparison).to_text(),
+        unpredicted::footnote([comparison]),
         tables::clocks(flights).to_text()
     );
     let worst = tables::worst(comparison);

@@ -178,7 +178,11 @@ fn not_met(shortfalls: &[Shortfall]) -> String {
     for s in shortfalls {
         if s.what == Criterion::StabilisingGain {
             let least = significant(s.wanted, 1);
-            let _ = writeln!(text, "NOT MET: {}: no proportional gain of at least {least} stabilises this loop", s.name);
+            let _ = writeln!(
+                text,
+                "NOT MET: {}: no proportional gain of at least {least} stabilises this loop",
+                s.name
+            );
             continue;
         }
         // Digits enough to tell the two apart.

@@ -23,10 +23,14 @@ use crate::render::{discovery_page, pages, tables};
 /// effect of your own, which `quadlab add --effects` takes. Where nothing is left, nothing is proposed; where no formula predicts
 /// the residual of other flights (turbulence), the answer is `not-a-formula`.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  quadlab discover --model model.toml --train A.csv B.csv C.csv \
+#[command(
+    override_usage = "quadlab discover [OPTIONS] <FLIGHTS>...\n       quadlab discover [OPTIONS] \
+                      --train <FLIGHTS>... --validate <FLIGHTS>...",
+    after_help = "Example:\n  quadlab discover --model model.toml --train A.csv B.csv C.csv \
                         --validate D.csv E.csv --out effects.toml\n  \
                         quadlab add discovered-1 --effects effects.toml --model model.toml --train A.csv B.csv C.csv \
-                        --validate D.csv E.csv --out better.toml")]
+                        --validate D.csv E.csv --out better.toml"
+)]
 pub(crate) struct Options {
     /// Model file to start from, for example: --model model.toml; without it, the known effects are fitted first, as `explain` does
     #[arg(long, value_name = "TOML")]

@@ -19,15 +19,19 @@ use crate::cli::refine::{self, RefineOptions, RefinementEntry};
 use crate::cli::terminal::Terminal;
 use crate::cli::user_effects::EffectOptions;
 use crate::commands::diagnose::WithoutOptions;
-use crate::render::{discovery, discovery_page, pages, stand_ins, tables};
+use crate::render::{discovery, discovery_page, pages, stand_ins, tables, unpredicted};
 
 /// Identify the basic model, then add effects until the flights support no further one.
 ///
 /// An effect is added only if the held-out flights support it. The error after every step is kept in the model's
 /// history. Exit status 1 if the flights do not determine the model; it then says what to fly.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
-                        --validate D.csv E.csv --out model.toml --html report.html")]
+#[command(
+    override_usage = "quadlab explain [OPTIONS] --out <TOML> <FLIGHTS>...\n       quadlab explain [OPTIONS] --out <TOML> \
+                      --train <FLIGHTS>... --validate <FLIGHTS>...",
+    after_help = "Example:\n  quadlab explain --vehicle vehicle.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --out model.toml --html report.html"
+)]
 pub(crate) struct Options {
     /// Vehicle file, with what was measured before any flight, for example: --vehicle vehicle.toml; without, the vehicle.toml
     /// beside the flights, or what logs tell about the craft
@@ -120,6 +124,8 @@ fn text(options: &Options, explanation: &Explanation) -> String {
         colour::lead(&tables::paragraph(&explanation.conclusion())),
         tables::falling_error(explanation).to_text()
     );
+    let steps = explanation.steps.iter().map(|step| &step.comparison);
+    text.push_str(&unpredicted::of_position(std::iter::once(&explanation.basic_comparison).chain(steps)));
     text.push_str(&format!("\n{}", tables::coefficients(&explanation.model).to_text()));
     let last = &explanation.last_diagnosis;
     let grids = [

@@ -24,8 +24,12 @@ use crate::render::tables;
 /// Fits thrust, drag, rotor moments, inertia coupling, gyroscopic torque and angular damping to the training flights by
 /// least squares, tests them on the held-out flights, and writes the model.
 #[derive(clap::Args)]
-#[command(after_help = "Example:\n  quadlab identify --vehicle vehicle.toml --train A.csv B.csv C.csv \
-                        --validate D.csv E.csv --out model.toml")]
+#[command(
+    override_usage = "quadlab identify [OPTIONS] --out <TOML> <FLIGHTS>...\n       quadlab identify [OPTIONS] --out <TOML> \
+                      --train <FLIGHTS>... --validate <FLIGHTS>...",
+    after_help = "Example:\n  quadlab identify --vehicle vehicle.toml --train A.csv B.csv C.csv \
+                        --validate D.csv E.csv --out model.toml"
+)]
 pub(crate) struct Options {
     /// Vehicle file, with what was measured before any flight, for example: --vehicle vehicle.toml; without, the vehicle.toml
     /// beside the flights, or what logs tell about the craft

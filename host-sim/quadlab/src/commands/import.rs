@@ -82,6 +82,7 @@ pub(crate) fn run(options: &Options) -> anyhow::Result<Outcome> {
     if let Some(why) = &two_craft {
         colour::warn(&format!("no vehicle file is written: {why}"));
     }
+    warn_of_flights_without_motors(&read);
     let outcome = if options.json {
         let mut document = document(&read, &paths, vehicle.as_deref(), draft.as_ref());
         document.missing.extend(two_craft);
@@ -105,6 +106,18 @@ fn read_and_named(options: &Options) -> anyhow::Result<Vec<Read>> {
 
 fn parts(read: &[Read]) -> impl Iterator<Item = &Part> {
     imported(read).flat_map(|import| &import.flights)
+}
+
+/// Without motor commands and rotor speeds a flight says how the craft moved and not why: nothing can be fitted to it.
+fn warn_of_flights_without_motors(read: &[Read]) {
+    for import in imported(read).filter(|import| !import.flights.is_empty()) {
+        if import.sources.commands.is_none() && import.sources.rotor_speed.is_none() {
+            colour::warn(&format!(
+                "{}: no motor commands were found in this log: identify, diagnose and explain cannot use its flights",
+                import.path.display()
+            ));
+        }
+    }
 }
 
 /// Where the flight files go, if they may.

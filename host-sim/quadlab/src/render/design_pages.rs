@@ -78,7 +78,7 @@ pub(crate) fn steady_tilts(report: &CheckReport) -> Section {
             Cell::from(tilt.direction.name()),
             Cell::number(tilt.tilt_deg, 3),
             Cell::number(tilt.speed_m_s, 3),
-            Cell::from(tilt.motor.map_or_else(|| "none".into(), |motor| format!("motor {motor}"))),
+            Cell::from(tilt.limited_by()),
         ]);
     }
     section

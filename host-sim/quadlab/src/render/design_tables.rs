@@ -273,7 +273,7 @@ fn steady_tilts(text: &mut String, report: &CheckReport) {
             tilt.direction.name().into(),
             significant(tilt.tilt_deg, 3),
             significant(tilt.speed_m_s, 3),
-            tilt.motor.map_or_else(|| "none".into(), |motor| format!("motor {motor}")),
+            tilt.limited_by(),
         ]);
     }
     columns(text, &rows);

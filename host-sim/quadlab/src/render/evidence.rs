@@ -1,7 +1,7 @@
 //! `quadlab diagnose --why`: the evidence for and against one effect or change, as text.
 
 use diagnosis::evidence::{CoefficientEvidence, Criterion, FlightDrop};
-use diagnosis::{Why, WhyChanged};
+use diagnosis::{ChangeEvidence, Why, WhyChanged};
 use model::Effect;
 
 use report::number::{fixed, p_value, percent, unit, value_and_error};
@@ -35,10 +35,13 @@ pub(crate) fn text(why: &Why) -> String {
     text
 }
 
-/// Everything that was found out about a change, motor by motor where it is a motor's.
+/// Everything that was found out about a change, motor by motor where it is a motor's: the answer first, then the changes that are
+/// supported, then the others.
 pub(crate) fn text_of_change(why: &WhyChanged) -> String {
-    let mut text = String::new();
-    for change in &why.changes {
+    let mut text = colour::lead(&tables::paragraph(&why.diagnosis));
+    text.push('\n');
+    let (supported, others): (Vec<_>, Vec<_>) = why.changes.iter().partition(|change| is_supported(change));
+    for change in supported.into_iter().chain(others) {
         text.push_str(&colour::lead(&tables::paragraph(&change.summary)));
         push_grids(
             &mut text,
@@ -54,10 +57,13 @@ pub(crate) fn text_of_change(why: &WhyChanged) -> String {
             text.push('\n');
         }
     }
-    text.push_str(&tables::paragraph(&why.diagnosis));
-    text.push('\n');
     text.push_str(&tables::paragraph(&format!("To see it: {}.", why.to_see_it)));
     text
+}
+
+/// Whether the motion or the steady balance of the rotors supports it.
+fn is_supported(change: &ChangeEvidence) -> bool {
+    change.supported || change.balance.as_ref().is_some_and(|balance| balance.supported)
 }
 
 fn push_grids(text: &mut String, grids: &[Grid]) {

@@ -19,4 +19,5 @@ pub(crate) mod import_text;
 pub(crate) mod pages;
 pub(crate) mod stand_ins;
 pub(crate) mod tables;
+pub(crate) mod unpredicted;
 pub(crate) mod view;

@@ -41,10 +41,25 @@ pub fn of_vehicle(vehicle: &Vehicle) -> Option<Fault> {
     Some(warning(
         FaultKind::ImplausibleVehicle,
         format!(
-            "vehicle file: rotor_radius is {} times arm_length, while real craft have 0.4 to 0.65; {suspicion}",
-            significant(ratio, 2)
+            "vehicle file: rotor_radius is {} times arm_length, while real craft have 0.4 to 0.65; {}",
+            significant(ratio, 2),
+            typical(vehicle).unwrap_or_else(|| suspicion.into())
         ),
     ))
+}
+
+/// What to do where a length is none of this craft's: nobody mistook a diameter for it.
+fn typical(vehicle: &Vehicle) -> Option<String> {
+    let is_typical = |field: &&str| vehicle.unmeasured.iter().any(|other| other == field);
+    let typical: Vec<&str> = ["rotor_radius", "arm_length"].into_iter().filter(is_typical).collect();
+    match typical[..] {
+        [] => None,
+        [one] => Some(format!("{one} is a typical value that has not been measured: measure it")),
+        _ => Some(format!(
+            "{} are typical values that have not been measured: measure them",
+            typical.join(" and ")
+        )),
+    }
 }
 
 /// What of a vehicle file no one has measured yet.
@@ -291,6 +306,18 @@ mod tests {
         assert_eq!(
             of_vehicle(&vehicle).unwrap().sentence,
             "vehicle file: rotor_radius is 0.30 times arm_length, while real craft have 0.4 to 0.65; the rotors would be small: is arm_length the diagonal from motor to motor, or a length in another unit?"
+        );
+    }
+
+    #[test]
+    fn a_length_that_nobody_measured_is_not_called_a_mistake() {
+        let mut vehicle = Vehicle::thesis();
+        vehicle.arm_length *= 2.0;
+        vehicle.unmeasured = vec!["mass".into(), "rotor_radius".into()];
+        let said = of_vehicle(&vehicle).unwrap().sentence;
+        assert!(
+            said.ends_with("0.65; rotor_radius is a typical value that has not been measured: measure it"),
+            "{said}"
         );
     }
 

@@ -77,16 +77,35 @@ pub fn sign_doubts(model: &Model) -> Vec<SignDoubt> {
                     axis: axes[k * axes.len() / coefficients.len()],
                     errors: 2.0 * estimate.value.abs() / slack,
                     sentence: format!(
-                        "{} = {} should be {should}: check the rotor order and spin in the vehicle file, \
-                     the clock offset between commands and motion, and the excitation",
+                        "{} = {} should be {should}: {}",
                         info.name,
-                        with_error(estimate.value, 0.5 * slack, info.unit_for(rotors))
+                        with_error(estimate.value, 0.5 * slack, info.unit_for(rotors)),
+                        to_check(term.effect, k)
                     ),
                 });
             }
         }
     }
     found
+}
+
+/// What can turn the sign of a coefficient of the basic model: of a force, the order of the rotors cannot.
+fn to_check(effect: Effect, coefficient: usize) -> &'static str {
+    match (effect, coefficient) {
+        (Effect::Thrust, _) => {
+            "check the sign of z and of az, the clock offset between commands and motion, and the excitation"
+        }
+        (Effect::LinearDrag, 2) => {
+            "check the sign of z, whether an effect of the vertical axis is missing (ground effect, battery voltage), and whether \
+             the craft climbs and sinks enough"
+        }
+        (Effect::LinearDrag, _) => {
+            "check the signs of x, y and the attitude, whether there was wind, and whether the craft flies fast enough"
+        }
+        _ => {
+            "check the rotor order and spin in the vehicle file, the clock offset between commands and motion, and the excitation"
+        }
+    }
 }
 
 #[cfg(test)]
@@ -125,11 +144,20 @@ mod tests {
         let model = with_thrust(-0.01, Some(0.002));
         let info = &Effect::Thrust.info().coefficients[0];
         let expected = format!(
-            "{} = -0.0100 ± 0.0020 should be positive: check the rotor order and spin in the vehicle file, the clock \
-             offset between commands and motion, and the excitation",
+            "{} = -0.0100 ± 0.0020 should be positive: check the sign of z and of az, the clock offset between commands \
+             and motion, and the excitation",
             info.name
         );
         assert_eq!(impossible_signs(&model), [expected]);
+    }
+
+    #[test]
+    fn drag_of_the_wrong_sign_is_not_blamed_on_the_rotors() {
+        let mut model = truth();
+        let term = model.terms.iter_mut().find(|t| t.effect == Effect::LinearDrag).unwrap();
+        term.coefficients[2] = Estimate { value: 0.149, std_error: Some(0.058) };
+        let [said] = &impossible_signs(&model)[..] else { panic!("one coefficient is impossible") };
+        assert!(said.contains("sign of z") && !said.contains("rotor order"), "{said}");
     }
 
     #[test]

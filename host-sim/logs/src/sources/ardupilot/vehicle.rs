@@ -121,7 +121,9 @@ fn refuse_other_frames(log: &Log, notes: &mut Vec<String>) -> Result<(), String>
     }
     match text {
         Some(text) if text.starts_with("QUAD") => Ok(()),
-        Some(text) => Err(format!("comes from a copter of frame {}; quadlab reads only quadcopters", short(text))),
+        Some(text) => {
+            Err(format!("comes from a copter of frame {}; quadlab reads only quadcopters", short(text)))
+        }
         None => {
             notes.push("the log does not say how many rotors there are (FRAME_CLASS): taken for four".into());
             Ok(())

@@ -107,7 +107,10 @@ fn refuse_other_craft(table: &Table) -> Result<(), String> {
     match motors {
         // Motors can be left out of a log.
         0 | 4 => Ok(()),
-        _ => Err(format!("{} comes from a craft with {motors} motors; quadlab reads only quadcopters", table.name)),
+        _ => Err(format!(
+            "{} comes from a craft with {motors} motors; quadlab reads only quadcopters",
+            table.name
+        )),
     }
 }
 

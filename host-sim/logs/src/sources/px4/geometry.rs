@@ -26,13 +26,13 @@ pub(super) fn layout(parameters: &BTreeMap<String, f64>) -> Result<Layout, Strin
     match parameters.get("CA_ROTOR_COUNT") {
         Some(4.0) => of_rotors(parameters),
         // A count of nothing is a craft that was not set up: it cannot have flown by these parameters.
-        Some(count) if *count != 0.0 => {
-            Err(format!("comes from a craft with {count} rotors (CA_ROTOR_COUNT); quadlab reads only quadcopters"))
-        }
+        Some(count) if *count != 0.0 => Err(format!(
+            "comes from a craft with {count} rotors (CA_ROTOR_COUNT); quadlab reads only quadcopters"
+        )),
         _ => match parameters.get("SYS_AUTOSTART") {
-            Some(airframe) if (5000.0..6000.0).contains(airframe) => {
-                Err(format!("comes from a quadcopter in plus (SYS_AUTOSTART {airframe}); quadlab reads only X frames"))
-            }
+            Some(airframe) if (5000.0..6000.0).contains(airframe) => Err(format!(
+                "comes from a quadcopter in plus (SYS_AUTOSTART {airframe}); quadlab reads only X frames"
+            )),
             _ => Ok(Layout {
                 order: [2, 0, 3, 1],
                 spin: ["cw", "ccw", "cw", "ccw"],
