@@ -150,7 +150,7 @@ fn a_vehicle_file_is_made_of_a_log_and_says_what_to_measure() {
         folder.path(),
         &["explain", log.to_str().unwrap(), "--vehicle", "vehicle.toml", "--out", "model.toml"],
     );
-    assert!(String::from_utf8_lossy(&explained.stderr).contains("not measured yet"));
+    assert!(String::from_utf8_lossy(&explained.stderr).contains("not been measured"));
 }
 
 #[test]

@@ -78,10 +78,7 @@ pub fn value_and_error(value: f64, std_error: Option<f64>) -> [String; 2] {
     // Two digits of the error as it is after rounding: 0.0996 is 0.10.
     let last = exponent(error) - 1 - power;
     let suffix = if power == 0 { String::new() } else { format!("e{power}") };
-    [value, error].map(|v| match rounded_to(v / 10_f64.powi(power), last) {
-        zero if zero.chars().all(|c| matches!(c, '0' | '.')) => zero,
-        number => format!("{number}{suffix}"),
-    })
+    [value, error].map(|v| format!("{}{suffix}", rounded_to(v / 10_f64.powi(power), last)))
 }
 
 /// Power of ten of the first of two significant digits.
@@ -109,6 +106,9 @@ pub fn with_error(value: f64, std_error: f64, unit_of_both: &str) -> String {
     let is_small = unit_of_both == "m" && value.abs().max(std_error) < 1e-3;
     let (scale, unit_of_both) = if is_small { (1e3, "mm") } else { (1.0, unit_of_both) };
     let [value, error] = value_and_error(scale * value, Some(scale * std_error));
+    // A table keeps the power of ten of both; in a sentence a zero needs none.
+    let is_zero = |mantissa: &str| mantissa.chars().all(|c| matches!(c, '0' | '.'));
+    let value = value.split_once('e').map(|(mantissa, _)| mantissa).filter(|m| is_zero(m)).unwrap_or(&value);
     with_unit(&format!("{value} ± {error}"), unit_of_both)
 }
 

@@ -252,8 +252,8 @@ mod tests {
         assert_eq!(
             warning(&motors(-0.81, 0.0009)).unwrap(),
             "pitch: the motors' moment follows the forward speed (correlation -0.81) and motor coefficients \
-             differ between flights by 3.2 of their errors: they depend on how the flights were flown; fly \
-             each motor excited by itself at several hertz"
+             differ between flights by 3.2 of their errors: they depend on how the flights were flown; excite \
+             each motor by itself at several hertz"
         );
     }
 

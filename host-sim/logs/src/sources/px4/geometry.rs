@@ -55,7 +55,7 @@ fn of_rotors(parameters: &BTreeMap<String, f64>) -> Result<Layout, String> {
         };
         if of("AX", 0.0).hypot(of("AY", 0.0)) > 0.1 * of("AZ", -1.0).abs() || of("AZ", -1.0) >= 0.0 {
             return Err(format!(
-                "is of a craft with rotor {} tilted (CA_ROTOR{number}_AX..AZ): only upright rotors are read",
+                "comes from a craft with rotor {} tilted (CA_ROTOR{number}_AX..AZ); quadlab reads only upright rotors",
                 number + 1
             ));
         }
@@ -66,7 +66,7 @@ fn of_rotors(parameters: &BTreeMap<String, f64>) -> Result<Layout, String> {
     let spin = order.map(|motor| if rotors[motor].torque_ratio > 0.0 { "ccw" } else { "cw" });
     if spin[0] != spin[2] || spin[1] != spin[3] || spin[0] == spin[1] {
         return Err(format!(
-            "is of a quadcopter whose motors turn {} (front-left, front-right, rear-right, rear-left; \
+            "comes from a quadcopter whose motors turn {} (front-left, front-right, rear-right, rear-left; \
              CA_ROTORn_KM): opposite motors must turn the same way",
             spin.join(", ")
         ));
@@ -85,7 +85,7 @@ fn corners(rotors: &[Rotor; 4]) -> Result<[usize; 4], String> {
     const NEAR_AXIS: f64 = 0.26;
     let at_axis = |rotor: &Rotor| rotor.x.abs().min(rotor.y.abs()) <= NEAR_AXIS * rotor.x.hypot(rotor.y);
     if rotors.iter().all(at_axis) {
-        let reason = "is of a quadcopter in plus (by CA_ROTORn_PX, PY): only X frames are read";
+        let reason = "comes from a quadcopter in plus (by CA_ROTORn_PX, PY); quadlab reads only X frames";
         return Err(reason.into());
     }
     let mut order = [0; 4];
@@ -93,7 +93,8 @@ fn corners(rotors: &[Rotor; 4]) -> Result<[usize; 4], String> {
         let here = |rotor: &Rotor| !at_axis(rotor) && rotor.x * front > 0.0 && rotor.y * right > 0.0;
         let Some(motor) = rotors.iter().position(here) else {
             return Err(
-                "is of a quadcopter that is no X (CA_ROTORn_PX, PY): one rotor must be in each corner".into(),
+                "comes from a quadcopter that is no X (CA_ROTORn_PX, PY): one rotor must be in each corner"
+                    .into(),
             );
         };
         *slot = motor;
