@@ -84,7 +84,7 @@ pub enum FlightError {
         after: f64,
     },
     /// Too few samples for a sampling rate. How long a flight must be depends on that rate: whoever prepares it for a fit says it.
-    #[error("{}: has fewer than two samples ({rows}), so no sampling rate; log a second or more without gaps or missing values", path.display())]
+    #[error("{}: has fewer than two samples ({rows}), so no sampling rate; at least about 1 s without gaps or missing values is needed", path.display())]
     TooShort {
         /// The file.
         path: PathBuf,
