@@ -63,8 +63,10 @@ pub(crate) fn since(flights: &[(String, Vec<Share>)], between: f64) -> Option<Si
     let moment = |k: usize| moment(&places, k);
     let own: Vec<f64> = flights[flight].1.iter().map(|window| window.time_s).collect();
     let (first, last) = (likely[0], likely[likely.len() - 1]);
+    let begins = places.iter().position(|(own, _)| *own == flight).unwrap_or(0);
     Some(Since {
         flight: flights[flight].0.clone(),
+        before_flight: first <= begins,
         t_s: moment(from),
         t_low_s: if places[first].0 == flight { moment(first - 1).min(moment(from)) } else { own[0] },
         t_high_s: if places[last].0 == flight {
@@ -165,7 +167,7 @@ mod tests {
         });
         let since = since(&all, 0.1).unwrap();
         assert_eq!(since.flight, "1.csv");
-        assert!((since.t_s - 12.0).abs() <= 1.0, "{since:?}");
+        assert!((since.t_s - 12.0).abs() <= 1.0 && !since.before_flight, "{since:?}");
         assert!(
             since.t_low_s <= 12.0 && since.t_high_s >= 12.0 && since.t_high_s - since.t_low_s < 6.0,
             "{since:?}"
@@ -176,7 +178,7 @@ mod tests {
     fn a_change_between_two_flights_begins_with_the_second() {
         let all = flights(&[20, 20, 20], 0.05, |flight, _| f64::from(u8::from(flight >= 1)));
         let since = since(&all, 0.05).unwrap();
-        assert_eq!((since.flight.as_str(), since.t_s), ("1.csv", 0.5));
+        assert_eq!((since.flight.as_str(), since.t_s, since.before_flight), ("1.csv", 0.5, true));
     }
 
     #[test]

@@ -4,18 +4,22 @@
 //! Where it is not, what they say of moments is worth nothing, and the balance says what can be said; and what they do not
 //! notice, the balance may.
 
-use model::{Axis, Effect, Group, Model};
+use model::{Axis, Effect, GROUPS, Group, Model, NotIdentified, PerGroup};
 use report::number::{fixed, p_equation, percent, with_error};
 
 use crate::balance::Answer;
 use crate::change::Change;
-use crate::change_rivals::{Found, add_rotors_to};
+use crate::change_rivals::add_rotors_to;
+use crate::change_together::Found;
 use crate::criteria::STRUCTURE_SIGNIFICANCE;
 use crate::dependence::Dependence;
 use crate::figures::rms_of;
 use crate::finding::{CoefficientFigures, Diagnosis, EffectFinding, Since, Unexplained, Verdict};
 use crate::reason::{Reason, joined};
 use crate::unidentified::{recorded, verdicts_of_change};
+
+/// Share of an axis' squared error from which on the conclusion says what is left beside a change that was found, percent.
+const LARGE_PERCENT: f64 = 50.0;
 
 /// What the rows of every sample say.
 pub(crate) struct OfRows {
@@ -76,18 +80,76 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
     let (verdict, verdicts) = verdicts_of_change(model, (&named, &unexplained), visible_loss.is_some());
     let subject = best.filter(|_| !also.is_empty()).map(|(change, _)| *change);
     let began = since.as_ref().map_or_else(String::new, |since| beginning(subject, since));
+    let rest = if best.is_some() { not_all(&unexplained) } else { String::new() };
+    let (verdict, verdicts, unknown) = by_its_own_flights(model, (verdict, verdicts), unknown);
     Diagnosis {
         verdict,
         verdicts,
         summary: summary(verdict, (best, &also), unexplained.first(), visible_loss)
             + &with(&revealed)
-            + &began,
+            + &began
+            + &rest
+            + &not_understood(model),
         effects: findings.into_iter().map(|(_, finding)| finding).collect(),
         unexplained,
         not_identified: unknown,
         since,
         rotors: None,
     }
+}
+
+/// Parts of a model whose own flights it leaves unexplained.
+fn unexplained_by(model: &Model) -> impl Iterator<Item = Group> {
+    let verdicts = model.fit.as_ref().and_then(|fit| fit.verdicts);
+    GROUPS.into_iter().filter(move |group| verdicts.is_some_and(|of| of[*group] == Verdict::Unexplained))
+}
+
+/// Where a model leaves its own flights unexplained, nothing that stands out is no proof that nothing has changed: what acted on the craft
+/// then is not in the model, and nor is what has taken its place.
+fn by_its_own_flights(
+    model: &Model,
+    (verdict, verdicts): (Verdict, PerGroup<Verdict>),
+    mut unknown: Vec<NotIdentified>,
+) -> (Verdict, PerGroup<Verdict>, Vec<NotIdentified>) {
+    let doubted: Vec<Group> =
+        unexplained_by(model).filter(|group| verdicts[*group] == Verdict::Adequate).collect();
+    let reasons = doubted.iter().map(|group| {
+        let reason = format!("the model leaves the {} of its own flights unexplained", group.name());
+        let fly =
+            "the model's own flights once more, or others like them, until quadlab explain leaves nothing";
+        NotIdentified { leaves_findings: true, ..NotIdentified::of_group(*group, reason, fly) }
+    });
+    unknown.extend(reasons);
+    let of_group = |group| if doubted.contains(&group) { Verdict::NotIdentified } else { verdicts[group] };
+    let is_doubted = verdict == Verdict::Adequate && !doubted.is_empty();
+    let verdict = if is_doubted { Verdict::NotIdentified } else { verdict };
+    (verdict, PerGroup::from_fn(of_group), unknown)
+}
+
+/// " The model leaves the translation of its own flights unexplained: ..."
+fn not_understood(model: &Model) -> String {
+    let groups: Vec<&str> = unexplained_by(model).map(Group::name).collect();
+    match groups.as_slice() {
+        [] => String::new(),
+        groups => format!(
+            " The model leaves the {} of its own flights unexplained: what acted on the craft then and does not now can look like a change, \
+             or hide one.",
+            groups.join(" and the ")
+        ),
+    }
+}
+
+/// " This is not all: the residual of r has a constant offset (99 % of its squared error)." Where little is left, the table says so.
+fn not_all(left: &[Unexplained]) -> String {
+    let most = left.iter().max_by(|a, b| a.share_percent.total_cmp(&b.share_percent));
+    most.filter(|most| most.share_percent >= LARGE_PERCENT).map_or_else(String::new, |most| {
+        format!(
+            " This is not all: the residual of {} {} ({} % of its squared error), and no known change explains it.",
+            most.axis,
+            most.depends_on.predicate(),
+            percent(most.share_percent)
+        )
+    })
 }
 
 /// " quadratic-drag was estimated together with it, ..."
@@ -102,9 +164,13 @@ fn with(together: &[Effect]) -> String {
     }
 }
 
-/// " It began in flight B.csv at 12.0 s (10.9 to 13.2 s).", or "mass-change began ..." where that is one of several changes.
+/// " It began in flight B.csv at 12.0 s (10.9 to 13.2 s).", " It began before flight B.csv, or by 1.1 s into it.", or "mass-change began ..." where that is one of several changes.
 fn beginning(subject: Option<Change>, since: &Since) -> String {
     let subject = subject.map_or_else(|| "It".to_owned(), |change| change.to_string());
+    if since.before_flight {
+        let (flight, by) = (&since.flight, fixed(since.t_high_s, 1));
+        return format!(" {subject} began before flight {flight}, or in its first {by} s.");
+    }
     let [t, low, high] = [since.t_s, since.t_low_s, since.t_high_s].map(|time_s| fixed(time_s, 1));
     format!(" {subject} began in flight {} at {t} s ({low} to {high} s).", since.flight)
 }
@@ -234,6 +300,19 @@ mod tests {
         fit.held_out[Axis::P].samples = 100;
         model.fit = Some(fit);
         model
+    }
+
+    #[test]
+    fn a_beginning_is_within_a_flight_or_before_it() {
+        let since = |before_flight| Since {
+            flight: "B.csv".into(),
+            t_s: 12.0,
+            before_flight,
+            t_low_s: 10.94,
+            t_high_s: 13.2,
+        };
+        assert_eq!(beginning(None, &since(false)), " It began in flight B.csv at 12.0 s (10.9 to 13.2 s).");
+        assert_eq!(beginning(None, &since(true)), " It began before flight B.csv, or in its first 13.2 s.");
     }
 
     #[test]

@@ -7,7 +7,7 @@
 
 use std::ops::ControlFlow;
 
-use model::{Coefficient, Effect, Model};
+use model::{Axis, Coefficient, Effect, Model};
 use nalgebra::{DMatrix, DVector};
 
 use crate::change::Change;
@@ -96,19 +96,38 @@ enum Together {
 /// Whether a change of the air is beyond what the flights of a model have shown: then drag is extrapolated. Within that, the
 /// model's drag was measured, and letting it go would only make it take what else is different.
 fn goes_beyond(model: &Model, alone: &Fitted) -> bool {
+    is_beyond_flown(model, alone.values.norm())
+}
+
+/// Whether the flights of a model have shown no such speed through the air, or it is not known what they have shown.
+pub(crate) fn is_beyond_flown(model: &Model, speed_m_s: f64) -> bool {
     let shown_m_s = model.fit.as_ref().and_then(|fit| fit.flown_speed_m_s);
-    shown_m_s.is_none_or(|shown| alone.values.norm() > shown)
+    shown_m_s.is_none_or(|shown| speed_m_s > shown)
 }
 
 /// Fits a change to flights with every coefficient of `model` as it is.
 pub(crate) fn fit_alone(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
-    let mut start = model.clone();
-    if !start.has(change.effect) {
-        start.set(change.effect, &vec![0.0; change.effect.info().coefficients.len()]);
+    fit_jointly(model, &[change], flights)
+}
+
+/// Fits several changes at once, from where `model` has them, with every coefficient of the model as it is. The values are those of one
+/// change after the other.
+pub(crate) fn fit_jointly(
+    model: &Model,
+    changes: &[Change],
+    flights: &[&Prepared],
+) -> Result<Fitted, FitError> {
+    let mut changed = model.clone();
+    for effect in changes.iter().map(|change| change.effect) {
+        if !changed.has(effect) {
+            changed.set(effect, &vec![0.0; effect.info().coefficients.len()]);
+        }
     }
-    let mut problem = ChangeFit { change, revealed: Vec::new(), flights, changed: start, before: None };
+    let changes = changes.to_vec();
+    let first = changes[0];
+    let mut problem = ChangeFit { changes, revealed: Vec::new(), flights, changed, before: None };
     let solved = gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?;
-    solved.map(|end| end.fitted).ok_or_else(|| not_converged(change))
+    solved.map(|end| end.fitted).ok_or_else(|| not_converged(first))
 }
 
 fn not_converged(change: Change) -> FitError {
@@ -136,7 +155,8 @@ fn fit_together(
     let attempt = |&(part, most_halvings): &(f64, usize)| {
         let mut changed = start.clone();
         changed.set(change.effect, &values.iter().map(|v| part * v).collect::<Vec<_>>());
-        let mut problem = ChangeFit { change, revealed: revealed.clone(), flights, changed, before: None };
+        let mut problem =
+            ChangeFit { changes: vec![change], revealed: revealed.clone(), flights, changed, before: None };
         let worse = if most_halvings > 0 { WORSE } else { f64::INFINITY };
         let rule = Rule { most_halvings, worse, ..Rule::of_steps(MAX_STEPS_TOGETHER) };
         let end = gauss_newton::solve(&mut problem, rule).ok()??;
@@ -233,7 +253,7 @@ impl Revealed {
 
 /// A change that steps lead to what the flights show. Its parameters: what is fitted together with it, then its own.
 struct ChangeFit<'a> {
-    change: Change,
+    changes: Vec<Change>,
     revealed: Vec<Revealed>,
     flights: &'a [&'a Prepared],
     changed: Model,
@@ -250,11 +270,16 @@ struct End {
 
 impl ChangeFit<'_> {
     fn rows(&self, flight: &Prepared, effects: &[Effect]) -> FlightRows {
-        let acts = (effects, &[self.change.effect][..]);
+        let adjusting = self.changed_effects();
+        let acts = (effects, &adjusting[..]);
         let About { residuals, columns: mut derivatives, .. } =
             About::new(flight, &self.changed, acts, flight.fit_stride(), &Known::default());
-        let own = effects.iter().map(|e| e.info().coefficients.len()).sum::<usize>();
-        let places = (0..own).chain(self.change.coefficients().into_iter().map(|k| own + k));
+        let count = |effects: &[Effect]| effects.iter().map(|e| e.info().coefficients.len()).sum::<usize>();
+        let own = count(effects);
+        let first = |effect: Effect| {
+            own + count(&adjusting[..adjusting.iter().position(|other| *other == effect).unwrap_or(0)])
+        };
+        let places = (0..own).chain(self.free().map(|(effect, k)| first(effect) + k));
         let mut columns: Vec<RowColumn> = places.map(|k| std::mem::take(&mut derivatives[k])).collect();
         if !self.revealed.is_empty() {
             columns.iter_mut().skip(own).for_each(|column| self.leave_own_axes(column));
@@ -265,10 +290,29 @@ impl ChangeFit<'_> {
     /// What the model extrapolates beside the change's own axes tells nothing of it: the thrust of rotors in a wind is not that of
     /// the same rotors in calm air.
     fn leave_own_axes(&self, column: &mut RowColumn) {
-        let own = self.change.effect.info().axes;
-        for axis in model::AXES.iter().filter(|axis| !own.contains(axis)) {
+        for axis in model::AXES.iter().filter(|axis| !self.acts_on(**axis)) {
             column[axis.index()] = None;
         }
+    }
+
+    fn acts_on(&self, axis: Axis) -> bool {
+        self.changes.iter().any(|change| change.effect.info().axes.contains(&axis))
+    }
+
+    /// The effects of the changes, each once.
+    fn changed_effects(&self) -> Vec<Effect> {
+        let mut effects: Vec<Effect> = Vec::new();
+        for change in &self.changes {
+            if !effects.contains(&change.effect) {
+                effects.push(change.effect);
+            }
+        }
+        effects
+    }
+
+    /// The coefficients that the changes free.
+    fn free(&self) -> impl Iterator<Item = (Effect, usize)> {
+        self.changes.iter().flat_map(|change| change.coefficients().into_iter().map(|k| (change.effect, k)))
     }
 
     /// Effects that are fitted together with the change, in the order of the parameters.
@@ -285,15 +329,16 @@ impl ChangeFit<'_> {
     /// Logarithm of the error on the change's own axes.
     fn left(&self, rows: &[FlightRows]) -> f64 {
         let square = |axis: usize| rows.iter().flat_map(|r| &r.targets[axis]).map(|e| e * e).sum::<f64>();
-        let axes = self.change.effect.info().axes.iter();
+        let axes = model::AXES.into_iter().filter(|axis| self.acts_on(*axis));
         axes.map(|axis| 0.5 * square(axis.index()).max(f64::MIN_POSITIVE).ln()).sum()
     }
 
     fn fitted(&self, solution: &Solution) -> Fitted {
-        let (own, free) = (self.revealed.len(), self.change.coefficients());
-        let values = self.values(self.change.effect);
+        let own = self.revealed.len();
+        let free: Vec<(Effect, usize)> = self.free().collect();
+        let value = |(effect, k): &(Effect, usize)| self.values(*effect)[*k];
         Fitted {
-            values: DVector::from_iterator(free.len(), free.iter().map(|&k| values[k])),
+            values: DVector::from_iterator(free.len(), free.iter().map(value)),
             model: self.changed.clone(),
             covariance: solution.covariance.view((own, own), (free.len(), free.len())).into_owned(),
             sigma: solution.sigma,
@@ -310,31 +355,30 @@ impl Problem for ChangeFit<'_> {
     fn linearise(&mut self) -> Result<Linearised, FitError> {
         let effects = self.effects();
         let rows: Vec<FlightRows> = self.flights.iter().map(|flight| self.rows(flight, &effects)).collect();
-        let values = self.values(self.change.effect);
-        let known = |k: usize| {
-            let prior = self.change.effect.info().coefficients[k].prior;
-            prior.map(|deviation| Prior { expected: -values[k], deviation })
+        let known = |(effect, k): (Effect, usize)| {
+            let prior = effect.info().coefficients[k].prior;
+            prior.map(|deviation| Prior { expected: -self.values(effect)[k], deviation })
         };
         let together = self.revealed.iter().map(|revealed| revealed.prior(&self.changed));
-        let priors = together.chain(self.change.coefficients().into_iter().map(known)).collect();
+        let priors = together.chain(self.free().map(known)).collect();
         // A single change takes its few steps as they are.
         let left = (!self.revealed.is_empty()).then(|| self.left(&rows));
         Ok(Linearised { rows, priors, left })
     }
 
     fn unidentifiable(&self, _: Unidentifiable) -> FitError {
-        let info = self.change.effect.info();
+        let first = self.changes[0];
+        let info = first.effect.info();
         FitError::NotExcited {
             effect: info.id,
-            coefficient: info.coefficients[self.change.coefficients()[0]].name,
+            coefficient: info.coefficients[first.coefficients()[0]].name,
             excitation: info.excitation,
         }
     }
 
     fn step(&mut self, _: Linearised, solution: Solution) -> Result<ControlFlow<End>, FitError> {
         let together = self.revealed.iter().map(|r| (r.effect, r.coefficient));
-        let own = self.change.coefficients().into_iter().map(|k| (self.change.effect, k));
-        let parameters: Vec<(Effect, usize)> = together.chain(own).collect();
+        let parameters: Vec<(Effect, usize)> = together.chain(self.free()).collect();
         let mut is_settled = true;
         self.before = Some(self.changed.clone());
         for (i, (effect, k)) in parameters.into_iter().enumerate() {

@@ -2,68 +2,22 @@
 //!
 //! - What adds to the best change, on top of it, happened as well.
 //! - What explains the axes of the best one nearly as well, or adds nothing to it nor it to that, cannot be told from it.
-//! - A heavier craft and one all of whose rotors give less thrust hover alike. Only the moments tell them apart: they stay with a
-//!   heavier craft, and fall with the thrust. So the two are held against each other on all axes, on flights they were not
-//!   estimated from.
+//! - What a mass, a centre of mass or one motor explains may be several rotors (`change_challenge.rs`).
 
-use model::{Axis, Effect, Model};
+use model::{Effect, Model};
+use sysid::has_rotation;
 use sysid::prepare::Prepared;
-use sysid::statistics::Blocks;
-use sysid::{FitError, Residuals, errors, has_rotation, residuals};
 
 use crate::change::Change;
+use crate::change_challenge::{ALL_ROTORS, HEAVIER, challenge, take_challenge};
 use crate::change_examined::examine;
-use crate::change_fit::fit_change;
-use crate::criteria::{AS_GOOD, MATTERS_PERCENT, RIVAL, SIGNIFICANCE};
+use crate::change_fit::{fit_change, is_beyond_flown};
+use crate::change_together::{Found, Together};
+use crate::criteria::{AS_GOOD, RIVAL, SIGNIFICANCE};
 use crate::finding::EffectFinding;
 use crate::observer::Observer;
 use crate::reason::Reason;
 use crate::search_error::{SearchError, going_on};
-use crate::significance::take_fall;
-
-/// A change with its evidence.
-pub(crate) type Found = (Change, EffectFinding);
-
-/// Every rotor by itself gives less thrust.
-pub(crate) const ALL_ROTORS: Change = Change { effect: Effect::MotorEfficiency, motor: None };
-const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
-
-/// Changes that happened together, fitted one on top of the other.
-#[derive(Debug, Clone)]
-pub(crate) struct Together {
-    /// The model with them.
-    pub(crate) model: Model,
-    /// The changes, best first.
-    pub(crate) changes: Vec<Change>,
-    /// What was estimated together with them.
-    pub(crate) revealed: Vec<Effect>,
-}
-
-impl Together {
-    /// No change.
-    pub(crate) fn none(model: &Model) -> Self {
-        Self { model: model.clone(), changes: Vec::new(), revealed: Vec::new() }
-    }
-
-    fn of(model: &Model, changes: &[Change], flights: &[&Prepared]) -> Result<Self, FitError> {
-        changes.iter().try_fold(Self::none(model), |before, change| before.and(*change, flights))
-    }
-
-    /// With one more.
-    fn and(mut self, change: Change, flights: &[&Prepared]) -> Result<Self, FitError> {
-        let fitted = fit_change(&self.model, change, flights)?;
-        self.model = fitted.model;
-        self.changes.push(change);
-        self.revealed.extend(fitted.together);
-        Ok(self)
-    }
-
-    /// The model with all but the best.
-    pub(crate) fn without_best(&self, model: &Model, flights: &[&Prepared]) -> Model {
-        let others = self.changes.get(1..).unwrap_or_default();
-        Self::of(model, others, flights).map_or_else(|_| model.clone(), |rest| rest.model)
-    }
-}
 
 /// Changes that explain nearly as much as the best, and add nothing to it nor it to them, cannot be told from it. What happened,
 /// where the best one is supported.
@@ -84,6 +38,11 @@ pub(crate) fn mark_rivals(
     for (change, finding) in findings.iter_mut().skip(1).filter(|(_, f)| f.supported) {
         going_on(observer)?;
         let (change, as_good) = (*change, part(finding) > AS_GOOD);
+        if is_moment_of_wind(model, &together.model, change) {
+            finding.refuse(Reason::MomentOfWind);
+            finding.confounded_with.push(Effect::SteadyWind);
+            continue;
+        }
         if change.effect != best.effect && !as_good && supports(&with_best.model, change) {
             let last = together.changes[together.changes.len() - 1];
             let beside_all = last == best || supports(&together.model, change);
@@ -111,15 +70,25 @@ pub(crate) fn mark_rivals(
             rivals.push(change);
         }
     });
-    if best == HEAVIER && has_rotation(model) && changes.iter().any(|c| c.effect == ALL_ROTORS.effect) {
+    if has_rotation(model) && changes.iter().any(|c| c.effect == ALL_ROTORS.effect) {
         going_on(observer)?;
         let challenged = challenge(model, &together, flights, changes.len());
         together = take_challenge(findings, together, challenged, &mut rivals);
     }
+    let together = together.settled(flights);
+    together.write_sizes(findings);
     let finding = &mut findings[0].1;
     let (axes, percent) = (finding.judged_axes(), finding.drop_percent);
     name(finding, Reason::Changed { axes, percent, rivals });
     Ok(Some(together))
+}
+
+/// Whether a shifted centre of mass may be the moment of a wind that is stronger than the air was in the model's flights: of what the air
+/// does to rotors and body at such speeds, the model knows nothing.
+fn is_moment_of_wind(model: &Model, with: &Model, change: Change) -> bool {
+    let wind = with.term(Effect::SteadyWind).filter(|_| !model.has(Effect::SteadyWind));
+    let speed_m_s = wind.map_or(0.0, |term| term.values().iter().map(|v| v * v).sum::<f64>().sqrt());
+    change.effect == Effect::ComOffset && speed_m_s > 0.0 && is_beyond_flown(model, speed_m_s)
 }
 
 /// The reason for the best change, with its rivals.
@@ -175,99 +144,6 @@ fn as_good_together(findings: &[Found], best: Change) -> Vec<Change> {
     pair.map_or_else(Vec::new, |(_, both)| both.to_vec())
 }
 
-/// A heavier craft held against rotors that all give less thrust.
-struct Challenged {
-    finding: EffectFinding,
-    /// With the rotors in the place of the mass.
-    together: Together,
-    /// The axis on which a heavier craft leaves more, by how many percent of its squared error; and the same of the rotors.
-    heavier_leaves: Option<(Axis, f64)>,
-    rotors_leave: Option<(Axis, f64)>,
-}
-
-/// Nothing where the rotors are no change by themselves.
-fn challenge(
-    model: &Model,
-    together: &Together,
-    flights: &[&Prepared],
-    candidates: usize,
-) -> Option<Challenged> {
-    let finding = examine(model, ALL_ROTORS, flights, candidates).finding;
-    let others: Vec<Change> =
-        together.changes.iter().skip(1).copied().filter(|c| c.effect != ALL_ROTORS.effect).collect();
-    let changes = [&[ALL_ROTORS][..], &others].concat();
-    let of_rotors = Together::of(model, &changes, flights).ok().filter(|_| finding.supported)?;
-    let [heavier, rotors] = [&together.changes, &changes].map(|changes| held_out(model, changes, flights));
-    Some(Challenged {
-        finding,
-        together: of_rotors,
-        heavier_leaves: leaves_more(&heavier, &rotors, flights),
-        rotors_leave: leaves_more(&rotors, &heavier, flights),
-    })
-}
-
-/// What of the two is named: the first finding then, with what cannot be told from it among the `rivals`.
-fn take_challenge(
-    findings: &mut Vec<Found>,
-    together: Together,
-    challenged: Option<Challenged>,
-    rivals: &mut Vec<Change>,
-) -> Together {
-    let Some(Challenged { mut finding, together: of_rotors, heavier_leaves, rotors_leave }) = challenged
-    else {
-        return together;
-    };
-    let less = |than, (axis, percent)| Reason::ExplainsLess { than, axis, percent };
-    match (heavier_leaves, rotors_leave) {
-        (Some(leaves), _) => {
-            findings[0].1.refuse(less(ALL_ROTORS, leaves));
-            findings.insert(0, (ALL_ROTORS, finding));
-            // What stood for a heavier craft is none of the rotors.
-            rivals.clear();
-            of_rotors
-        }
-        (None, Some(leaves)) => {
-            finding.refuse(less(HEAVIER, leaves));
-            findings.insert(1, (ALL_ROTORS, finding));
-            together
-        }
-        (None, None) => {
-            finding.refuse(Reason::RivalOf { best: HEAVIER });
-            finding.confounded_with.push(HEAVIER.effect);
-            findings.insert(1, (ALL_ROTORS, finding));
-            rivals.push(ALL_ROTORS);
-            together
-        }
-    }
-}
-
-/// Residuals of each flight with changes that were estimated from the others; a single one by itself.
-fn held_out(model: &Model, changes: &[Change], flights: &[&Prepared]) -> Vec<Residuals> {
-    let of_flight = |left_out: usize| {
-        let others = flights.iter().enumerate().filter(|(i, _)| *i != left_out || flights.len() == 1);
-        let others: Vec<&Prepared> = others.map(|(_, flight)| *flight).collect();
-        let with = Together::of(model, changes, &others);
-        residuals(flights[left_out], with.as_ref().map_or(model, |with| &with.model))
-    };
-    (0..flights.len()).map(of_flight).collect()
-}
-
-/// The axis on which some residuals are larger than others, and by how many percent of their squares: where all axes together are,
-/// by more than chance, and that axis by enough to matter.
-fn leaves_more(more: &[Residuals], less: &[Residuals], flights: &[&Prepared]) -> Option<(Axis, f64)> {
-    let (of_more, of_less) = (errors(more), errors(less));
-    let mut blocks = Blocks::default();
-    let noise = |axis: Axis| of_less[axis].rms.min(of_more[axis].rms).max(f64::MIN_POSITIVE);
-    let weights = model::AXES.map(|axis| (axis, 1.0 / (noise(axis) * noise(axis))));
-    for ((flight, a), b) in flights.iter().zip(more).zip(less) {
-        take_fall(&mut blocks, flight, weights, (a, b));
-    }
-    let excess = |axis: Axis| 100.0 * (of_more[axis].sse / of_less[axis].sse - 1.0);
-    let worst = model::AXES.into_iter().max_by(|a, b| excess(*a).total_cmp(&excess(*b)))?;
-    let counts = blocks.p_value() < SIGNIFICANCE && excess(worst) > MATTERS_PERCENT;
-    counts.then(|| (worst, excess(worst)))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -286,6 +162,25 @@ mod tests {
 
     /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths
     /// of 100.
+    /// In air that is faster than any that the model was flown in.
+    #[test]
+    fn a_moment_in_a_strong_wind_is_no_shifted_centre_of_mass() {
+        let mut model = truth();
+        let fit = |speed_m_s| model::FitRecord { flown_speed_m_s: Some(speed_m_s), ..Default::default() };
+        let mut windy = model.clone();
+        windy.set(Effect::SteadyWind, &[3.0, 4.0]);
+        let shifted = Change { effect: Effect::ComOffset, motor: None };
+        for (flown_m_s, with, change, expected) in [
+            (2.0, &windy, shifted, true),
+            (6.0, &windy, shifted, false),
+            (2.0, &truth(), shifted, false),
+            (2.0, &windy, HEAVIER, false),
+        ] {
+            model.fit = Some(fit(flown_m_s));
+            assert_eq!(is_moment_of_wind(&model, with, change), expected, "{flown_m_s} {change}");
+        }
+    }
+
     #[test]
     fn two_changes_on_different_axes_rival_one_that_they_explain_together() {
         let best = finding(Effect::MotorEfficiency, Some(1), 100.0);
@@ -353,6 +248,27 @@ mod tests {
         let rotors = diagnosis.effects.iter().find(|f| f.effect == ALL_ROTORS.effect && f.motor.is_none());
         let reason = &rotors.unwrap().reason;
         assert!(matches!(reason, Reason::ExplainsLess { than: HEAVIER, .. }), "{reason}");
+    }
+
+    /// By one change at a time, these are a moved centre of mass and more mass.
+    #[test]
+    fn two_weak_motors_are_neither_mass_nor_centre_of_mass() {
+        let diagnosis = of(&[(Effect::MotorEfficiency, &[0.0, 0.0, 0.05, 0.03])], lively);
+        let supported = crate::finding::supported(&diagnosis.effects);
+        assert_eq!(supported, [Effect::MotorEfficiency], "{}", diagnosis.summary);
+        for (found, loss) in diagnosis.effects[0].coefficients.iter().zip([0.0, 0.0, 0.05, 0.03]) {
+            assert!((found.value - loss).abs() < 0.005, "{found:?}");
+        }
+    }
+
+    #[test]
+    fn rotors_and_mass_that_hide_each_other_are_both_named() {
+        let changed = [(Effect::MassChange, &[0.06][..]), (Effect::MotorEfficiency, &[-0.04; 4])];
+        let diagnosis = of(&changed, lively);
+        let supported = crate::finding::supported(&diagnosis.effects);
+        assert_eq!(supported.len(), 2, "{}", diagnosis.summary);
+        let mass = diagnosis.effects.iter().find(|f| f.effect == HEAVIER.effect).unwrap();
+        assert!(mass.supported && (mass.coefficients[0].value - 0.06).abs() < 0.01, "{}", diagnosis.summary);
     }
 
     #[test]

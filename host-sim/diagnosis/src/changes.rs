@@ -15,8 +15,10 @@ use crate::balance;
 use crate::change::Change;
 use crate::change_conclusion::{OfRows, conclude};
 use crate::change_examined::examine;
-use crate::change_rivals::{Together, mark_rivals};
+use crate::change_model_error::widen;
+use crate::change_rivals::mark_rivals;
 use crate::change_structure::structure_left;
+use crate::change_together::Together;
 use crate::criteria::rank_of_change;
 use crate::dependence::Dependence;
 use crate::finding::{Diagnosis, EffectFinding, Unexplained};
@@ -53,6 +55,9 @@ pub fn changed(
         finding.refuse(why);
         together = None;
         left = structure_left(model, flights);
+    }
+    for (change, finding) in findings.iter_mut().filter(|(_, finding)| finding.supported) {
+        widen(model, *change, finding, flights);
     }
     let together = together.unwrap_or_else(|| Together::none(model));
     let others = together.without_best(model, flights);

@@ -134,6 +134,9 @@ pub struct EffectFinding {
     /// By how many degrees the vertical of the tracker would be off if it passed for this wind.
     #[serde(skip)]
     pub(crate) tracker_tilt_deg: Option<f64>,
+    /// How late the attitude would be against the position if that passed for it, s.
+    #[serde(skip)]
+    pub(crate) attitude_late_s: Option<f64>,
     /// Where the cable ends that it would be.
     #[serde(skip)]
     pub(crate) anchor: Option<Anchor>,
@@ -159,7 +162,20 @@ impl EffectFinding {
                 fixed(tilt_deg, 1)
             )
         };
-        self.tracker_tilt_deg.map_or_else(String::new, of_tilt)
+        self.tracker_tilt_deg.map_or_else(String::new, of_tilt) + &self.late_attitude()
+    }
+
+    /// Which delay looks the same: a sentence behind a space, or nothing.
+    pub(crate) fn late_attitude(&self) -> String {
+        let of_delay = |late_s: f64| {
+            let way = if late_s > 0.0 { "late" } else { "early" };
+            format!(
+                " In a log without an accelerometer, an attitude that is {} ms {way} relative to the position looks the same as {}.",
+                fixed(1e3 * late_s.abs(), 1),
+                self.effect
+            )
+        };
+        self.attitude_late_s.map_or_else(String::new, of_delay)
     }
 
     /// An effect of which nothing is known yet but why not.
@@ -182,6 +198,7 @@ impl EffectFinding {
             swing: None,
             at_low_frequency: None,
             tracker_tilt_deg: None,
+            attitude_late_s: None,
             anchor: None,
             gain_of: [0.0; 6],
             motor: None,
@@ -240,6 +257,8 @@ pub struct Since {
     pub flight: String,
     /// Most likely moment, in the flight's own time, s.
     pub t_s: f64,
+    /// Whether it may have been there before this flight began.
+    pub before_flight: bool,
     /// Earliest likely moment (95 %), in the time of this flight; its first window's, where that is in an earlier flight.
     pub t_low_s: f64,
     /// Latest likely moment (95 %), in the time of this flight; its last window's, where that is in a later flight.
@@ -315,6 +334,16 @@ mod tests {
         assert_eq!(wind.sentence(), Effect::SteadyWind.info().sentence);
         wind.tracker_tilt_deg = Some(1.46);
         assert!(wind.sentence().contains("a tracker whose vertical is 1.5° off"), "{}", wind.sentence());
+    }
+
+    #[test]
+    fn a_rate_coupling_says_which_delay_of_the_attitude_looks_the_same() {
+        let mut coupling = finding(Effect::RateCoupling);
+        assert_eq!(coupling.late_attitude(), "");
+        for (late_s, expected) in [(0.0049, "4.9 ms late"), (-0.01, "10.0 ms early")] {
+            coupling.attitude_late_s = Some(late_s);
+            assert!(coupling.sentence().contains(expected), "{}", coupling.sentence());
+        }
     }
 
     #[test]

@@ -11,6 +11,7 @@ use sysid::{Fit, FitError, Residuals, errors, has_rotation, residuals};
 use crate::anchor::anchor_of;
 use crate::criteria::{Evidence, HELD_OUT_SIGNIFICANCE, RISE_PERCENT, weigh};
 use crate::finding::{AxisDrop, CoefficientFigures, EffectFinding, Swing};
+use crate::late_attitude::attitude_late_s;
 use crate::low_frequency::found_at_low_frequency;
 use crate::reason::Reason;
 use crate::significance::{effect_p_value, take_fall};
@@ -87,6 +88,7 @@ pub(crate) fn examine_along(
         let drop_percent = swing_band::drop_percent(validate, both, up_to_hz);
         Swing { count: swings(&carried, &[train, validate].concat()), up_to_hz, drop_percent }
     });
+    finding.attitude_late_s = attitude_late_s(&with.fit.model, effect, train);
     finding.tracker_tilt_deg = tracker_tilt_deg(&with.fit.model, effect, train);
     finding.anchor = anchor_of(&finding, &[train, validate].concat());
     finding.p_value = (effect_p_value(&with.fit, effect, train) * candidates as f64).min(1.0);

@@ -168,6 +168,8 @@ pub enum Reason {
         /// The other.
         other: Change,
     },
+    /// As a change, it is a moment in a wind that is stronger than any that the model's flights have shown.
+    MomentOfWind,
     /// As a change, it leaves more of these flights unexplained than another one.
     ExplainsLess {
         /// The other.
@@ -267,6 +269,7 @@ impl fmt::Display for Reason {
             Self::Refused(refused) => refused.fmt(f),
             Self::WithinScatter { .. }
             | Self::ExplainedBy { .. }
+            | Self::MomentOfWind
             | Self::ExplainsLess { .. }
             | Self::RivalOf { .. }
             | Self::Changed { .. }
@@ -388,6 +391,9 @@ impl Reason {
                 write!(f, "within the noise and the usual scatter between flights ({})", p_equation(*p_value))
             }
             Self::ExplainedBy { other } => write!(f, "adds nothing once {other} is accounted for"),
+            Self::MomentOfWind => f.write_str(
+                "the wind is faster than the air was in the model's flights, and the moment it exerts on the craft looks the same",
+            ),
             Self::ExplainsLess { than, axis, percent } => {
                 let more = number::percent(-rms_fall_percent(-*percent));
                 write!(f, "explains less than {than}: with it, the rms error of {axis} is {more} % larger")

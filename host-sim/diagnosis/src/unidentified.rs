@@ -5,7 +5,9 @@
 //!   (R2 not above zero). Either the coefficients are not the craft's, or there was nothing to predict: then what was measured
 //!   varies no more than the sensors' noise, and the axis was not excited.
 //! - **Impossible signs**: a motor that pushes the wrong way, a drag that accelerates.
-//! - **Motors too weak**: at several hertz, the motors turn the craft more than twice as strongly as the model says.
+//! - **Motors too weak**: at several hertz, the motors turn the craft more than twice as strongly as the model says, or by the model the
+//!   craft would resist them more than four times as much as if all its mass were in the motors. Effects that are found stand: one that is
+//!   missing can make motors look weak.
 //! - **Saturated motors**: commands at an end of their range for most of the flight are not what the motors did.
 //!
 //! Judged is the model with everything that is supported in place, and with what its residual is found to depend on taken away:
@@ -14,7 +16,10 @@
 use model::{Axis, Effect, GROUPS, Group, Model, NotIdentified, PerGroup, Verdict};
 use report::number::{fixed, significant};
 use sysid::prepare::Prepared;
-use sysid::{MotorResponse, Residuals, errors, has_rotation, motor_responses, sign_doubts};
+use sysid::{
+    MotorResponse, Residuals, errors, has_rotation, inertia_ratios, motor_responses, sign_doubts,
+    turns_too_weakly,
+};
 
 use crate::criteria::ABOVE_NOISE;
 use crate::finding::Unexplained;
@@ -45,7 +50,7 @@ pub(crate) fn unidentified(
     }
     found.extend(of_signs(model));
     found.extend(worse_than_a_mean(model, left, validate, held_out));
-    found.extend(too_weak(model, train));
+    found.extend(too_weak(model, train).or_else(|| too_inert(model)));
     found.extend(saturated(model, &[train, validate].concat()));
     found
 }
@@ -107,8 +112,12 @@ fn no_rotation(refused: &[String]) -> NotIdentified {
 
 fn of_signs(model: &Model) -> impl Iterator<Item = NotIdentified> {
     let counts = |doubt: &sysid::SignDoubt| {
-        let is_essential = matches!(doubt.effect, Effect::Thrust | Effect::RotorMoments);
-        is_essential || doubt.errors > SMALL_SIGN_ERRORS
+        match doubt.effect {
+            Effect::Thrust | Effect::RotorMoments => true,
+            // A warning tells: it is a small part of the rotation, and the first that follows what is missing.
+            Effect::AngularDamping => false,
+            _ => doubt.errors > SMALL_SIGN_ERRORS,
+        }
     };
     let of = |doubt: sysid::SignDoubt| of_part(doubt.axis, doubt.sentence, doubt.effect.info().excitation);
     sign_doubts(model).into_iter().filter(counts).map(of)
@@ -120,6 +129,22 @@ fn too_weak(model: &Model, train: &[&Prepared]) -> Option<NotIdentified> {
     let contradicting = motor_responses(model, train).into_iter().filter(MotorResponse::contradicts);
     let worst = contradicting.max_by(|a, b| a.lower.total_cmp(&b.lower))?;
     Some(NotIdentified::of_group(Group::Rotation, worst.sentence(), to_excite(worst.axis)))
+}
+
+/// Moments of inertia that no craft of this mass and arm has.
+fn too_inert(model: &Model) -> Option<NotIdentified> {
+    let [roll, pitch] = inertia_ratios(model).filter(|_| turns_too_weakly(model))?;
+    let reason = format!(
+        "its moments of inertia in roll and pitch come out as {} and {} times mass times arm_length squared, while real craft have 0.25 \
+         to 0.45: the motors turn the craft much more strongly than the model says, or the vehicle file is wrong",
+        significant(roll, 2),
+        significant(pitch, 2)
+    );
+    let worst = if roll.abs() > pitch.abs() { Axis::P } else { Axis::Q };
+    Some(NotIdentified {
+        leaves_findings: true,
+        ..NotIdentified::of_group(Group::Rotation, reason, to_excite(worst))
+    })
 }
 
 /// An axis of the translation, or the whole rotation: a force is measured on each axis by itself, but the same four rotors on
@@ -309,6 +334,21 @@ mod tests {
             columns.push((column, vec![command; 2000]));
         }
         Prepared::new(&Flight::from_columns("hover.csv", columns), &truth().vehicle).unwrap()
+    }
+
+    /// A third of the strength may be a wrong arm in the vehicle file; a sixth is no craft.
+    #[test]
+    fn motors_that_hardly_turn_the_craft_leave_the_rotation_unknown_and_findings_stand() {
+        let mut model = truth();
+        let moments = model.term(Effect::RotorMoments).unwrap().values();
+        for (weaker, is_unknown) in [(1.0, false), (3.0, false), (6.0, true)] {
+            model.set(Effect::RotorMoments, &moments.iter().map(|c| c / weaker).collect::<Vec<_>>());
+            let unknown = too_inert(&model);
+            assert_eq!(unknown.is_some(), is_unknown, "{weaker}");
+            assert!(
+                unknown.is_none_or(|unknown| unknown.leaves_findings && unknown.group == Group::Rotation)
+            );
+        }
     }
 
     #[test]

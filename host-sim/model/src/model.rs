@@ -98,6 +98,13 @@ impl Model {
         self.vehicle.rotor_quantity(self.reference.rotor_speeds_logged)
     }
 
+    /// Whether its rotors can be commanded, as a simulated flight must: by a motor map, or by commands that stand for the speeds in all its
+    /// coefficients. Coefficients of logged speeds say nothing of commands.
+    pub fn can_be_commanded(&self) -> bool {
+        let stand_in = !self.reference.rotor_speeds_logged;
+        self.vehicle.can_map_commands() && (self.vehicle.has_rotor_map() || stand_in)
+    }
+
     /// What the adjusting effects change.
     pub fn adjustments(&self) -> Adjustments {
         let mut adjust = Adjustments::default();

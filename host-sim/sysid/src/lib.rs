@@ -20,7 +20,7 @@ pub use fit::motor_response::{MotorResponse, motor_responses};
 pub use fit::output_error::{RefineError, Refinement, RefinementOutcome, refine};
 pub use fit::{
     AtSame, CenterOfMass, Fit, FitError, MotorThrust, Residuals, RotorComparison, SignDoubt, WideSwing,
-    compare_rotors, errors, fit, has_rotation, impossible_signs, rotation_doubts, rotor_signs, rotors_differ,
-    sign_doubts, without_rotation,
+    compare_rotors, errors, fit, has_rotation, impossible_signs, inertia_ratios, rotation_doubts,
+    rotor_signs, rotors_differ, sign_doubts, turns_too_weakly, without_rotation,
 };
 pub use prepare::{Alignment, Conditions, ForceTarget, PrepareError, Prepared};

@@ -5,7 +5,7 @@
 
 use std::fmt;
 
-use model::{Effect, Model, PerGroup, Vehicle};
+use model::{Effect, GROUPS, Model, NotIdentified, PerGroup, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{Comparison, RefinementOutcome, RotorComparison};
 
@@ -106,15 +106,27 @@ impl Explanation {
 
     /// What was found, in a sentence, and what was not.
     pub fn conclusion(&self) -> String {
-        let found: Vec<&str> = self.found().iter().map(|e| e.id()).collect();
+        let (added, found): (Vec<&Step>, Vec<&Step>) =
+            self.steps.iter().partition(|step| self.is_in_vain(step));
+        let alike: String = found.iter().map(|step| step.addition.finding.late_attitude()).collect();
+        let found: Vec<&str> = found.iter().map(|step| step.effect.id()).collect();
         let taken_out: String = self.taken_out.iter().map(|taken| format!(" {taken}.")).collect();
         let conclusion = match (found.as_slice(), what_is_unknown(&self.last_diagnosis.not_identified)) {
             ([], _) => format!("Found: nothing. {}", self.last_diagnosis.summary),
             (names, None) => format!("Found: {}.", names.join(", then ")),
             (names, Some(unknown)) => format!("Found: {}. {unknown}", names.join(", then ")),
         };
-        let nothing = self.steps.is_empty();
-        conclusion + &taken_out + &unlike_rotors(self.rotors.as_ref(), self.verdicts().rotation, nothing)
+        let (nothing, rotation) = (found.is_empty(), self.verdicts().rotation);
+        let unlike = unlike_rotors(self.rotors.as_ref(), rotation, nothing);
+        conclusion + &alike + &added_in_vain(&added) + &taken_out + &unlike
+    }
+
+    /// Whether the flights do not determine the axes on which an effect was found, even with it.
+    fn is_in_vain(&self, step: &Step) -> bool {
+        let counts = |unknown: &[NotIdentified]| {
+            GROUPS.iter().any(|group| counts_in(&step.addition.finding, *group, unknown))
+        };
+        counts(&[]) && !counts(&self.last_diagnosis.not_identified)
     }
 
     /// The conclusion of the whole loop: was anything missing, and is anything left?
@@ -138,6 +150,21 @@ impl Explanation {
     /// Effects in the order they were added.
     pub fn found(&self) -> Vec<Effect> {
         self.steps.iter().map(|step| step.effect).collect()
+    }
+}
+
+/// " steady-wind was added to the model, but ..."
+fn added_in_vain(steps: &[&Step]) -> String {
+    let names: Vec<&str> = steps.iter().map(|step| step.effect.id()).collect();
+    match names.as_slice() {
+        [] => String::new(),
+        [one] => format!(
+            " {one} was added to the model, but the axes it acts on are still not identified: this is not yet a finding."
+        ),
+        all => format!(
+            " {} were added to the model, but the axes they act on are still not identified: these are not yet findings.",
+            all.join(" and ")
+        ),
     }
 }
 
@@ -399,7 +426,7 @@ fn fit_again(model: &Model, sets: &FlightSets) -> Result<Model, WorkflowError> {
 
 #[cfg(test)]
 mod tests {
-    use model::{Group, NotIdentified};
+    use model::{Axis, Group};
 
     use super::*;
     use crate::conclusion::conclude;
@@ -519,6 +546,30 @@ mod tests {
         assert!(complete.last_model().has(Effect::SteadyWind));
         assert_eq!(complete.first_diagnosis().summary, "first");
         assert_eq!(explanation(steps(), Verdict::Unexplained).verdict(), Verdict::Unexplained);
+    }
+
+    /// It stays in the model, where it predicts better; but a model worse than a mean is no evidence of a cause.
+    #[test]
+    fn what_was_added_to_axes_that_stay_unidentified_is_not_found() {
+        let steps = vec![step(Effect::QuadraticDrag), step(Effect::SteadyWind)];
+        let mut explanation = explanation(steps, Verdict::NotIdentified);
+        explanation.steps[0].addition.finding.axes.clear();
+        let drop = crate::AxisDrop { sse_before: 4.0, sse_after: 1.0, drop_percent: 75.0 };
+        explanation.steps[0].addition.finding.axes.insert("w", drop);
+        let last = &mut explanation.last_diagnosis;
+        last.not_identified =
+            vec![NotIdentified::of_axis(Axis::U, "u is worse than a mean".into(), "fly more")];
+        assert_eq!(
+            explanation.conclusion(),
+            "Found: quadratic-drag. The translation (u) is not identified by these flights: u is worse than a mean. To determine it: \
+             fly more. steady-wind was added to the model, but the axes it acts on are still not identified: this is not yet a finding."
+        );
+        explanation.steps.remove(0);
+        assert_eq!(
+            explanation.conclusion(),
+            "Found: nothing. Nothing is left. steady-wind was added to the model, but the axes it acts on are still not identified: \
+             this is not yet a finding."
+        );
     }
 
     #[test]

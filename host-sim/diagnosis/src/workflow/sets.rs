@@ -198,6 +198,11 @@ impl FlightSets {
             let fault = Fault::of_all(FaultKind::OtherVehicle, Severity::Warning, sentence);
             self.faults.add(listed(&self.held_out.0), fault);
         }
+        for flight in self.training.0.iter().chain(&self.held_out.0) {
+            if let Some(fault) = vehicle::upside_down(model, &flight.prepared) {
+                self.faults.add(flight.path.display().to_string(), fault);
+            }
+        }
         self.add_wide_swings(model);
     }
 

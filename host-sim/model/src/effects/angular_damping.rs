@@ -1,8 +1,8 @@
 //! Torque in proportion to the body rate: p' = ... + (C_dp/Ixx) p, (4.3). The thesis identified positive values
-//! ("negative damping") in p and q; they are used as identified.
+//! ("negative damping") in p and q; they are used as identified. In yaw, where a controller acts least, it is damping.
 
 use crate::axis::Axis;
-use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sink, Special};
+use crate::effect::{Coefficient, EffectInfo, Kind, Question, Sign, Sink, Special};
 use crate::sample::Sample;
 
 const fn coefficient(name: &'static str) -> Coefficient {
@@ -18,7 +18,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
     question: Question::Structure,
     axes: &[Axis::P, Axis::Q, Axis::R],
     through: &["p", "q", "r"],
-    coefficients: &[coefficient("C_dp/Ixx"), coefficient("C_dq/Iyy"), coefficient("C_dr/Izz")],
+    coefficients: &[coefficient("C_dp/Ixx"), coefficient("C_dq/Iyy"), coefficient("C_dr/Izz").signed(Sign::Negative)],
     excitation: "roll, pitch and yaw at several rates",
     confused_with: &[],
     special: Special { of_thesis: true, brakes: true, ..Special::NOTHING },

@@ -33,7 +33,7 @@ pub(crate) fn predictor(
     gains: Option<&Path>,
     seed: u64,
 ) -> anyhow::Result<Predictor> {
-    if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
+    if !model.can_be_commanded() {
         return Err(NotFlown::NoMap(path.into()).into());
     }
     let under = |config: Config| anyhow::Ok(Predictor::new(model.clone(), config, seed)?);

@@ -28,7 +28,7 @@ pub fn designed_config() -> Result<Config, SilError> {
 /// A model that cannot be read or simulated, or commanded with these gains.
 pub fn flyable(path: &Path, own_gains: bool) -> Result<Model, SilError> {
     let model = Model::read_to_simulate(path)?;
-    if !(model.vehicle.can_map_commands() && model.vehicle.has_rotor_map()) {
+    if !model.can_be_commanded() {
         return Err(SilError::NoMotorMap(path.into()));
     }
     let (found, expected) =

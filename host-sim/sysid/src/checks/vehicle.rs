@@ -8,12 +8,14 @@
 //!   0.25 to 0.42 (1.4e-5 kg m^2 there, 2.4e-5 in Landry 2015); Hummingbird: 0.34; Iris: 0.36 (RotorS).
 //! - Rotor radius over arm: 0.61, 0.50, 0.59 and 0.39 for these; rotors that do not overlap have at most 0.707.
 //!
-//! A vehicle whose map is identified has no rotor speed, so neither coefficient is judged.
+//! A vehicle whose map is identified has no rotor speed, so its thrust coefficient is not judged; in the moments of inertia, which are
+//! that coefficient over those of the moments, commands cancel as speeds do.
 
 use model::{Axis, Effect, Model, RotorQuantity, Vehicle};
 use report::number::{fixed, significant, with_error};
 
 use crate::checks::{Fault, FaultKind, Severity};
+use crate::fit::inertia_ratios;
 use crate::fit::linearise::residuals;
 use crate::prepare::Prepared;
 
@@ -84,14 +86,11 @@ pub fn unmeasured(vehicle: &Vehicle) -> Option<Fault> {
 /// Suspicions from a fitted model: mass, lengths and map against thrust and moments.
 pub fn of_fit(model: &Model) -> Vec<Fault> {
     let mut faults: Vec<Fault> = undetermined(model).into_iter().collect();
-    if model.rotor_quantity() == RotorQuantity::Command {
+    let Some(thrust) = model.term(Effect::Thrust).map(|term| term.coefficients[0].value) else {
         return faults;
-    }
-    let values = |effect| -> Vec<f64> {
-        model.term(effect).map_or_else(Vec::new, |t| t.coefficients.iter().map(|c| c.value).collect())
     };
-    let Some(&thrust) = values(Effect::Thrust).first() else { return faults };
-    if !(THRUST.0..=THRUST.1).contains(&thrust) {
+    let is_judged = model.rotor_quantity() == RotorQuantity::Speed;
+    if is_judged && !(THRUST.0..=THRUST.1).contains(&thrust) {
         let hint = if thrust > THRUST.1 {
             "is mass in grams, rotor_radius too small, or the motor map in revolutions a minute or second?"
         } else {
@@ -106,19 +105,13 @@ pub fn of_fit(model: &Model) -> Vec<Fault> {
             ),
         ));
     }
-    faults.extend(inertia(model, thrust, &values(Effect::RotorMoments)));
+    faults.extend(inertia(model));
     faults
 }
 
 /// Moments of inertia in roll and pitch that no craft has.
-fn inertia(model: &Model, thrust: f64, moments: &[f64]) -> Option<Fault> {
-    let scale = model.vehicle.mass * model.vehicle.arm_length.powi(2);
-    let of = |range: std::ops::Range<usize>| {
-        let some = moments.get(range)?;
-        // C_i of (2.7) is C_T / (2 I): the thesis' arm is sqrt(2) l, geometry's l / sqrt(2).
-        Some(0.5 * thrust * some.len() as f64 / some.iter().sum::<f64>() / scale)
-    };
-    let (roll, pitch) = (of(0..4)?, of(4..8)?);
+fn inertia(model: &Model) -> Option<Fault> {
+    let [roll, pitch] = inertia_ratios(model)?;
     let plausible = |ratio: f64| (INERTIA.0..=INERTIA.1).contains(&ratio);
     (!plausible(roll) || !plausible(pitch)).then(|| {
         warning(
@@ -209,6 +202,28 @@ impl Likeness {
     pub const CHANGED: Self = Self { thrust: 1.6, moment: 3.0 };
 }
 
+/// Correlation of the vertical acceleration with what a model makes of the motors, under which a flight is upside down. Without motion of
+/// its own, it is near zero.
+const UPSIDE_DOWN: f64 = -0.4;
+
+/// A flight that accelerates down where the model of all flights says that its motors push up: one log in other axes among others. What
+/// kinematics alone say of it ([`crate::checks::frames`]) drowns in the noise of gentle flights.
+pub fn upside_down(model: &Model, flight: &Prepared) -> Option<Fault> {
+    let r = residuals(flight, model);
+    let mut sums = Sums::default();
+    let vertical = Axis::W.index();
+    r.measured[vertical].iter().zip(&r.residual[vertical]).for_each(|(m, e)| sums.add(*m, m - e));
+    let (_, correlation) = sums.about_means();
+    (correlation < UPSIDE_DOWN).then(|| {
+        let sentence = format!(
+            "against the model, the craft accelerates down when its motors push up, and up when they push less (correlation {}): is z \
+             upside down in this flight? It must point down",
+            fixed(correlation, 2)
+        );
+        Fault { flight: Some(flight.name.clone()), ..warning(FaultKind::InconsistentFrames, sentence) }
+    })
+}
+
 /// What sets flights apart from a model: thrust at hover, size and sign of the moments.
 pub fn differences(model: &Model, flights: &[&Prepared], likeness: Likeness) -> Vec<String> {
     let mut sums = [Sums::default(); 6];
@@ -278,6 +293,7 @@ impl Sums {
 
 #[cfg(test)]
 mod tests {
+    use flights::Column;
     use model::Estimate;
 
     use super::*;
@@ -337,7 +353,7 @@ mod tests {
         assert!(sentences(&of_fit(&model))[0].contains("is rotor_radius a diameter"));
         // Rotor "speeds" that are commands have no such coefficient, unless they were logged.
         model.vehicle.motors.map = Some(model::MotorMapKind::Identify);
-        assert_eq!(of_fit(&model), []);
+        assert!(of_fit(&model).iter().all(|fault| fault.sentence.starts_with("moments of inertia")));
         model.reference.rotor_speeds_logged = true;
         assert!(!of_fit(&model).is_empty());
     }
@@ -419,6 +435,20 @@ mod tests {
         assert!(
             found[0].starts_with("the motors roll the craft ") && found[0].ends_with(" times as strongly")
         );
+    }
+
+    /// The motors of the flight as they were, and the other way about.
+    #[test]
+    fn a_flight_whose_z_is_turned_round_is_upside_down() {
+        let model = truth();
+        let mut flown = fly(&model, 5, 12.0, &NONE);
+        let upright = Prepared::new(&flown, &model.vehicle).unwrap();
+        assert_eq!(upside_down(&model, &upright), None);
+        let up: Vec<f64> = flown.column(Column::Z).unwrap().iter().map(|z| -z).collect();
+        flown.replace(Column::Z, up);
+        let turned = Prepared::new(&flown, &model.vehicle).unwrap();
+        let fault = upside_down(&model, &turned).unwrap();
+        assert!(fault.flight.is_some() && fault.sentence.ends_with("It must point down"), "{fault:?}");
     }
 
     /// Measured 2 p + 7 for p = 0, 1, 2.

@@ -137,6 +137,19 @@ impl<'a> Seen<'a> {
     }
 }
 
+/// Mean squared speeds of the rotors of a flight, (rad/s)^2 or commands^2.
+pub(crate) fn mean_rotor_squared(flight: &Prepared, model: &Model) -> [f64; 4] {
+    let (mut sum, mut count) = ([0.0; 4], 0.0);
+    for stretch in &flight.stretches {
+        let seen = Seen::new(flight, stretch, model);
+        for k in flight.margin..stretch.time_s.len() - flight.margin {
+            sum.iter_mut().zip(seen.states.at(k).rotor_rad_s).for_each(|(sum, w)| *sum += w * w);
+            count += 1.0;
+        }
+    }
+    sum.map(|sum| sum / f64::max(count, 1.0))
+}
+
 /// The balance of a craft over the flights a model was made from, with what it leaves of them; nothing where they are too few.
 pub fn record<'a>(
     model: &Model,

@@ -35,6 +35,10 @@ pub fn produces_thrust(model: &Model) -> bool {
 /// A model whose rotation explains less than this of every moment row knows nothing of it.
 const LEAST_ROTATION_R2: f64 = 0.1;
 
+/// Moment of inertia over mass times arm squared from which on no arm that was measured wrongly explains it: all mass in the motors gives
+/// 0.5, an arm of half its length four times as much.
+const INERT: f64 = 2.0;
+
 /// Why the rotation is not identifiable from the flights a model was fitted to: rotors that push the wrong way, or moment
 /// rows of which nothing is explained. Empty where it is.
 pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
@@ -51,6 +55,26 @@ pub fn rotation_doubts(model: &Model, flights: &[&Prepared]) -> Vec<String> {
         ));
     }
     found
+}
+
+/// Moments of inertia in roll and pitch over mass times arm squared, as thrust and moments of a model give them; nothing without rotation.
+pub fn inertia_ratios(model: &Model) -> Option<[f64; 2]> {
+    let (thrust, moments) = (model.term(Effect::Thrust)?, model.term(Effect::RotorMoments)?.values());
+    let thrust = thrust.coefficients.first()?.value;
+    let scale = model.vehicle.mass * model.vehicle.arm_length.powi(2);
+    let of = |range: std::ops::Range<usize>| {
+        let some = moments.get(range)?;
+        // C_i of (2.7) is C_T / (2 I): the thesis' arm is sqrt(2) l, geometry's l / sqrt(2).
+        Some(0.5 * thrust * some.len() as f64 / some.iter().sum::<f64>() / scale)
+    };
+    Some([of(0..4)?, of(4..8)?])
+}
+
+/// Whether motors that turn the craft as weakly as a model says could not be those of any craft of its mass and arm, even if these were
+/// measured wrongly: their coefficients are not the craft's.
+pub fn turns_too_weakly(model: &Model) -> bool {
+    inertia_ratios(model)
+        .is_some_and(|ratios| ratios.into_iter().any(|ratio| !(0.0..=INERT).contains(&ratio)))
 }
 
 /// Rotors that push the wrong way, each as a sentence.
@@ -110,7 +134,7 @@ fn to_check(effect: Effect, coefficient: usize) -> &'static str {
 
 #[cfg(test)]
 mod tests {
-    use model::Estimate;
+    use model::{Estimate, MotorMapKind};
 
     use super::*;
     use crate::testing::{NONE, fly, truth};
@@ -189,6 +213,22 @@ mod tests {
         let drag: Vec<f64> = model.term(Effect::LinearDrag).unwrap().values().iter().map(|c| -c).collect();
         model.set(Effect::LinearDrag, &drag);
         assert_eq!(rotor_signs(&model), [""; 0]);
+    }
+
+    /// Of commands or of speeds: the moments of inertia are their ratio to the thrust.
+    #[test]
+    fn motors_that_hardly_turn_the_craft_are_not_the_craft_s() {
+        let mut model = truth();
+        let moments = model.term(Effect::RotorMoments).unwrap().values();
+        for map in [None, Some(MotorMapKind::Identify)] {
+            model.vehicle.motors.map = map;
+            for (weaker, too_weak) in [(1.0, false), (3.0, false), (6.0, true)] {
+                model.set(Effect::RotorMoments, &moments.iter().map(|c| c / weaker).collect::<Vec<_>>());
+                assert_eq!(turns_too_weakly(&model), too_weak, "{weaker}");
+            }
+        }
+        model.terms.retain(|term| term.effect != Effect::RotorMoments);
+        assert!(!turns_too_weakly(&model) && inertia_ratios(&model).is_none());
     }
 
     #[test]

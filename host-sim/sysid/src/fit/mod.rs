@@ -46,7 +46,10 @@ pub mod weather;
 mod wide_swings;
 
 pub use assembly::timing;
-pub use doubts::{SignDoubt, impossible_signs, produces_thrust, rotation_doubts, rotor_signs, sign_doubts};
+pub use doubts::{
+    SignDoubt, impossible_signs, inertia_ratios, produces_thrust, rotation_doubts, rotor_signs, sign_doubts,
+    turns_too_weakly,
+};
 pub use error::{FitError, check_residuals};
 pub use fitted::Fit;
 pub use identification::{fit, fit_if};

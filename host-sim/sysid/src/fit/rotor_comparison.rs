@@ -9,7 +9,9 @@
 //! To first order, their logarithms are linear in the seven unknowns `ln a_p`, `ln a_q`, `k_1` to `k_3`, `x_c / d` and `y_c / d`. They are
 //! fitted to the eight coefficients by generalised least squares. The equation that is left over says whether roll and pitch agree; where
 //! they do not, the standard errors grow by the factor of their disagreement (Birge 1932), and as that is known from one equation alone,
-//! only what is far larger is told. Yaw is not asked: how reaction torque falls with thrust depends on what is wrong with the rotor.
+//! only what is far larger is told. The coefficients of yaw are not asked: how reaction torque falls with thrust depends on what is wrong with
+//! the rotor. But where it falls as the thrust does, rotors of unequal thrust turn at unequal speeds to keep the craft from yawing. Where they
+//! turn as if all were alike, steady flight speaks against the coefficients, and again only what is far larger is told.
 //!
 //! Coefficients may follow how a flight was flown. So the same is asked of each flight by itself, and a standard error is no smaller than
 //! that of the mean of the flights.
@@ -20,7 +22,9 @@ use report::number::significant;
 use schemars::JsonSchema;
 use serde::Serialize;
 
+use crate::fit::balance::mean_rotor_squared;
 use crate::fit::closed_loop::{MotorsOfFlights, motors_of_flights};
+use crate::fit::doubts::turns_too_weakly;
 use crate::prepare::Prepared;
 use crate::statistics::deviation;
 
@@ -30,8 +34,12 @@ const LEAST: f64 = 0.02;
 const DEVIATIONS: f64 = 4.0;
 /// Square of the disagreement of roll and pitch, in standard errors, from which on they do disagree: once in a hundred times by chance.
 const DISAGREE: f64 = 6.63;
-/// Least difference in standard errors where they do: it is ten times what they disagree by.
+/// Least difference in standard errors where they do, or where steady flight speaks against it: it is ten times what they disagree by.
 const DEVIATIONS_IN_DISAGREEMENT: f64 = 10.0;
+/// Steady flight speaks against differences by which yaw is out of balance by more than without them: by this part of what they change there.
+const WORSE_IN_YAW: f64 = 0.5;
+/// Change of the balance in yaw, as a share of the thrust, that says nothing: motors are no straighter on their arms.
+const UNCHANGED_IN_YAW: f64 = 0.005;
 /// Coefficients nearer to zero than this many standard errors have no logarithm to speak of.
 const FIRM: f64 = 4.0;
 /// By how much the other three may differ among each other beside one that differs from them, as a share of its difference.
@@ -168,7 +176,7 @@ impl CenterOfMass {
 }
 
 /// Compares the rotors of a model that was fitted to some of these flights; nothing where its coefficients do not tell: without rotation,
-/// without errors, too uncertain, beside effects that change what the coefficients mean, or where they follow how the flights were flown.
+/// without errors, too uncertain, of motors that hardly turn the craft, beside effects that change what the coefficients mean, or where they follow how the flights were flown.
 pub fn compare_rotors(model: &Model, flights: &[&Prepared]) -> Option<RotorComparison> {
     let answers = of_coefficients(model)?.of_flights(model, flights)?;
     Some(answers.told(model.vehicle.arm_length / 2_f64.sqrt(), AtSame::of(model)))
@@ -193,7 +201,7 @@ struct Answers {
 /// What the coefficients of a model say by themselves.
 fn of_coefficients(model: &Model) -> Option<Answers> {
     let changed = [Effect::MotorEfficiency, Effect::ComOffset].iter().any(|effect| model.has(*effect));
-    let term = model.term(Effect::RotorMoments).filter(|_| !changed)?;
+    let term = model.term(Effect::RotorMoments).filter(|_| !changed && !turns_too_weakly(model))?;
     let is_firm = |c: &Estimate| c.std_error.is_some_and(|error| error > 0.0 && c.value > FIRM * error);
     let coefficients = term.coefficients.get(..KNOWN).filter(|all| all.iter().all(is_firm))?;
     let shares = shares(model);
@@ -265,7 +273,28 @@ impl Answers {
         let [roll, pitch, _] = all.as_slice() else { return None };
         let follows = roll.warning.is_some() || pitch.warning.is_some();
         let scatter = scatter([roll, pitch]).filter(|_| !follows)?;
-        Some(Self { errors: self.errors.sup(&scatter), ..self })
+        let (errors, spin) =
+            (self.errors.sup(&scatter), model.vehicle.motors.spin.map(|spin| spin.yaw_sign()));
+        let squares = flights.iter().map(|flight| mean_rotor_squared(flight, model));
+        let mean_squares =
+            squares.fold([0.0; 4], |sum, own| std::array::from_fn(|rotor| sum[rotor] + own[rotor]));
+        let deviations = match self.unbalances_yaw(&mean_squares, &spin) {
+            true => DEVIATIONS_IN_DISAGREEMENT,
+            false => self.deviations,
+        };
+        Some(Self { errors, deviations, ..self })
+    }
+
+    /// Whether rotors that turn so fast balance in yaw much better if they are alike than if they differ so.
+    fn unbalances_yaw(&self, rotor_squared: &[f64; 4], spin: &[f64; 4]) -> bool {
+        let yaw = |shares: [f64; 4]| {
+            let thrusts: [f64; 4] = std::array::from_fn(|rotor| shares[rotor] * rotor_squared[rotor]);
+            let torque: f64 = thrusts.iter().zip(spin).map(|(thrust, spin)| thrust * spin).sum();
+            torque / thrusts.iter().sum::<f64>()
+        };
+        let (alike, different) = (yaw([1.0; 4]), yaw(std::array::from_fn(|rotor| self.values[rotor].exp())));
+        let change = (different - alike).abs();
+        change > UNCHANGED_IN_YAW && different.abs() - alike.abs() > WORSE_IN_YAW * change
     }
 
     fn told(&self, lever_m: f64, at_same: AtSame) -> RotorComparison {
@@ -435,6 +464,19 @@ mod tests {
         assert!((center.forward_m - 0.0027551150465687335).abs() < 1e-9, "{center:?}");
         assert!((center.right_m - 0.0044140554002035405).abs() < 1e-9, "{center:?}");
         assert!(!found.differ && !center.off_center);
+    }
+
+    /// Of a rotor that gives a fifth less, steady flight wants a quarter more of squared speed, if its torque falls as its thrust does.
+    #[test]
+    fn rotors_that_turn_as_if_they_were_alike_speak_against_differences() {
+        let spin = [1.0, -1.0, 1.0, -1.0];
+        let weak = of_coefficients(&craft([0.0, 0.0, 0.2, 0.0], [0.0; 2], 0.001)).unwrap();
+        let pair = of_coefficients(&craft([0.2, 0.2, 0.0, 0.0], [0.0; 2], 0.001)).unwrap();
+        assert!(weak.unbalances_yaw(&[1.0; 4], &spin));
+        assert!(weak.unbalances_yaw(&[1.0, 1.0, 1.02, 1.0], &spin));
+        assert!(!weak.unbalances_yaw(&[1.0, 1.0, 1.25, 1.0], &spin));
+        assert!(!weak.unbalances_yaw(&[1.1, 1.1, 1.4, 1.0], &spin), "with a motor that leans");
+        assert!(!pair.unbalances_yaw(&[1.0; 4], &spin), "neighbours turn against each other");
     }
 
     /// Motor 2 of the thesis has a fifth more in pitch and as much as the others in roll: in simulated flights of that craft, 4.5 standard
