@@ -7,6 +7,7 @@
 //! whatever still adds to these, on all axes and on flights that neither was estimated from.
 
 use model::{Axis, Effect, Model};
+use nalgebra::DVector;
 use sysid::prepare::Prepared;
 use sysid::statistics::Blocks;
 use sysid::{Residuals, errors, residuals};
@@ -28,6 +29,10 @@ pub(crate) const ALL_ROTORS: Change = Change { effect: Effect::MotorEfficiency, 
 /// More mass.
 pub(crate) const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
 
+/// The largest loss of thrust from which on rotors are one change beside others. Every batch of propellers differs by as much.
+const LEAST_LOSS: f64 = 0.01;
+/// By how much losses of thrust may differ from their mean and still be alike, as a share of it.
+const ALIKE: f64 = 0.25;
 /// Standard errors from which on a change is one beside others. Each is a number of many that were tried.
 const FIRM: f64 = 5.0;
 
@@ -80,10 +85,14 @@ fn beside(model: &Model, together: &Together, flights: &[&Prepared]) -> Option<T
     let mut changes: Vec<Change> = std::iter::once(&ALL_ROTORS).chain(others).copied().collect();
     loop {
         let fitted = fit_jointly(model, &changes, flights).ok()?;
+        let losses = fitted.values.rows(0, ALL_ROTORS.coefficients().len());
+        if losses.amax() < LEAST_LOSS {
+            return None;
+        }
         let certain: Vec<f64> = certainty(model, &changes, &fitted);
         let least = (0..changes.len()).min_by(|a, b| certain[*a].total_cmp(&certain[*b]))?;
         if certain[least] >= FIRM {
-            let is_other = changes != together.changes;
+            let is_other = changes != together.changes && !is_inertia(&changes, &fitted.values);
             return is_other.then(|| Together { changes, ..Together::none(model) }.fitted_as(&fitted));
         }
         changes.remove(least);
@@ -91,6 +100,20 @@ fn beside(model: &Model, together: &Together, flights: &[&Prepared]) -> Option<T
             return None;
         }
     }
+}
+
+/// Whether what all rotors seem to lack alike is the inertia of a mass that was added, or was taken off: it makes the craft turn more slowly
+/// under the same thrust.
+fn is_inertia(changes: &[Change], values: &DVector<f64>) -> bool {
+    let of = |effect: Effect| {
+        let at = changes.iter().position(|change| change.effect == effect)?;
+        let first: usize = changes[..at].iter().map(|change| change.coefficients().len()).sum();
+        Some(values.rows(first, changes[at].coefficients().len()))
+    };
+    let (Some(losses), Some(mass)) = (of(ALL_ROTORS.effect), of(HEAVIER.effect)) else { return false };
+    let mean = losses.mean();
+    let are_alike = losses.iter().all(|loss| (loss - mean).abs() < ALIKE * mean.abs());
+    are_alike && mean * mass[0] > 0.0
 }
 
 /// How many standard errors each of some changes is from zero by the most certain of its coefficients, the usual scatter between flights
@@ -222,4 +245,24 @@ fn leaves_more(more: &[Residuals], less: &[Residuals], flights: &[&Prepared]) ->
     let worst = model::AXES.into_iter().max_by(|a, b| excess(*a).total_cmp(&excess(*b)))?;
     let counts = blocks.p_value() < SIGNIFICANCE && excess(worst) > MATTERS_PERCENT;
     counts.then(|| (worst, excess(worst)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A camera makes the craft heavier and slower to turn; stronger motors do not make it lighter to turn.
+    #[test]
+    fn what_all_rotors_lack_alike_beside_more_mass_is_its_inertia() {
+        let com = Change { effect: Effect::ComOffset, motor: None };
+        let changes = [ALL_ROTORS, com, HEAVIER];
+        let is = |losses: [f64; 4], mass_kg: f64| {
+            let values = losses.into_iter().chain([0.006, 0.0, mass_kg]);
+            is_inertia(&changes, &DVector::from_iterator(7, values))
+        };
+        assert!(is([0.033, 0.032, 0.033, 0.032], 0.055) && is([-0.03; 4], -0.05));
+        assert!(!is([-0.04; 4], 0.06), "stronger motors");
+        assert!(!is([0.05, 0.0, 0.03, 0.0], 0.05), "two weak motors");
+        assert!(!is_inertia(&changes[..2], &DVector::from_element(6, 0.03)), "no mass");
+    }
 }
