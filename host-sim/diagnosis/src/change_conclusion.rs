@@ -9,6 +9,7 @@ use report::number::{fixed, p_equation, percent, with_error};
 
 use crate::balance::Answer;
 use crate::change::Change;
+use crate::change_fit::is_beyond_flown;
 use crate::change_rivals::add_rotors_to;
 use crate::change_together::Found;
 use crate::criteria::STRUCTURE_SIGNIFICANCE;
@@ -45,9 +46,7 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         u.depends_on == Dependence::Bursts || !unknown.iter().any(|reason| reason.is_about(u.axis))
     });
     if !judged {
-        let needs_rotation =
-            |(change, _): &&mut Found| !change.effect.info().axes.iter().all(|a| a.is_force());
-        findings.iter_mut().filter(needs_rotation).for_each(|(_, finding)| finding.refuse(Reason::NotJudged));
+        refuse_of_rotation(&mut findings);
     }
     let mut shifted = None;
     let (mut visible_loss, mut since) = (None, began);
@@ -59,6 +58,7 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
                 shifted = Some((answer.most, answer.p_value));
             }
             replace(&mut findings, answer.findings);
+            refuse_moments_of_wind(model, &mut findings);
             since = answer.since;
             happened.clear();
             revealed.clear();
@@ -95,6 +95,30 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         not_identified: unknown,
         since,
         rotors: None,
+    }
+}
+
+/// Refuses what rows of an unknown rotation say.
+fn refuse_of_rotation(findings: &mut [Found]) {
+    let needs_rotation = |(change, _): &&mut Found| !change.effect.info().axes.iter().all(|a| a.is_force());
+    findings.iter_mut().filter(needs_rotation).for_each(|(_, finding)| finding.refuse(Reason::NotJudged));
+}
+
+/// A centre of mass or a weak motor that the balance finds in a wind that the forces show, and that is stronger than any the model was flown in: the wind
+/// exerts moments of which the model knows nothing.
+fn refuse_moments_of_wind(model: &Model, findings: &mut [Found]) {
+    let is_strong = |(change, finding): &Found| {
+        let squares: f64 = finding.coefficients.iter().map(|c| c.value * c.value).sum();
+        change.effect == Effect::SteadyWind && finding.supported && is_beyond_flown(model, squares.sqrt())
+    };
+    if !findings.iter().any(is_strong) {
+        return;
+    }
+    let turns = [Effect::ComOffset, Effect::MotorEfficiency];
+    let is_moment = |(change, finding): &&mut Found| turns.contains(&change.effect) && finding.supported;
+    for (_, finding) in findings.iter_mut().filter(is_moment) {
+        finding.refuse(Reason::MomentOfWind);
+        finding.confounded_with.push(Effect::SteadyWind);
     }
 }
 
@@ -277,6 +301,7 @@ fn unaccounted(worst: &Unexplained) -> String {
 mod tests {
     use super::*;
     use crate::finding::CoefficientFigures;
+    use crate::testing::truth;
 
     fn found(effect: Effect, motor: Option<u8>, supported: bool) -> Found {
         let mut finding = EffectFinding::unsupported(effect, 2, Reason::LikeChance);
@@ -300,6 +325,32 @@ mod tests {
         fit.held_out[Axis::P].samples = 100;
         model.fit = Some(fit);
         model
+    }
+
+    /// Of a model flown in calm air, in a wind of 5 m/s.
+    #[test]
+    fn what_the_balance_finds_in_a_strong_wind_may_be_its_moment() {
+        let mut model = truth();
+        let wind = |effect: Effect| {
+            let mut wind = found(effect, None, true);
+            let info = &effect.info().coefficients[0];
+            wind.1.coefficients = vec![CoefficientFigures::new(info, 5.0, 0.1, &truth())];
+            wind
+        };
+        for (flown_m_s, effect, stays) in [
+            (2.0, Effect::SteadyWind, false),
+            (6.0, Effect::SteadyWind, true),
+            (2.0, Effect::MassChange, true),
+        ] {
+            let fit = model::FitRecord { flown_speed_m_s: Some(flown_m_s), ..Default::default() };
+            model.fit = Some(fit);
+            let shifted = found(Effect::ComOffset, None, true);
+            let weak = found(Effect::MotorEfficiency, Some(2), true);
+            let mut all = vec![shifted, weak, wind(effect)];
+            refuse_moments_of_wind(&model, &mut all);
+            let supported = all.iter().map(|(_, finding)| finding.supported).collect::<Vec<_>>();
+            assert_eq!(supported, [stays, stays, true], "{flown_m_s} {effect}");
+        }
     }
 
     #[test]

@@ -64,12 +64,11 @@ pub(crate) fn mark_rivals(
             finding.refuse(Reason::ExplainedBy { other: best });
         }
     }
-    let as_good = as_good_together(findings, best).into_iter().filter(|c| !together.changes.contains(c));
-    as_good.for_each(|change| {
-        if !rivals.contains(&change) {
+    for change in as_good_together(findings, best) {
+        if !together.changes.contains(&change) && !rivals.contains(&change) {
             rivals.push(change);
         }
-    });
+    }
     if has_rotation(model) && changes.iter().any(|c| c.effect == ALL_ROTORS.effect) {
         going_on(observer)?;
         let challenged = challenge(model, &together, flights, changes.len());

@@ -267,14 +267,7 @@ impl fmt::Display for Reason {
             | Self::AddsNothing { .. }
             | Self::Confounded { .. } => self.write_beside_others(f),
             Self::Refused(refused) => refused.fmt(f),
-            Self::WithinScatter { .. }
-            | Self::ExplainedBy { .. }
-            | Self::MomentOfWind
-            | Self::ExplainsLess { .. }
-            | Self::RivalOf { .. }
-            | Self::Changed { .. }
-            | Self::BalanceShifted { .. }
-            | Self::NotJudged => self.write_of_change(f),
+            _ => self.write_of_change(f),
         }
     }
 }

@@ -44,7 +44,8 @@ fn found_with_its_strength(seed: &str, effect: &str) {
     let folder = tempfile::tempdir().unwrap();
     let text = done_in(folder.path(), &["demo", "--seed", seed]);
     let first = text.split("\n\n").next().unwrap().replace('\n', " ");
-    assert!(first.starts_with(&format!("Found: {effect}. Hidden")), "seed {seed}: {first}");
+    assert!(first.starts_with(&format!("Found: {effect}. ")), "seed {seed}: {first}");
+    assert!(first.contains(&format!("Hidden in the simulated craft (seed {seed}): {effect}.")), "{first}");
     let rows = table(&text);
     assert!(!rows.is_empty(), "seed {seed}: {text}");
     for (name, hidden, found, error) in rows {
