@@ -1,6 +1,7 @@
 //! A change that can have appeared since a model was good: an effect, of one motor or of the whole craft.
 
 use std::fmt;
+use std::ops::Range;
 
 use model::{Effect, Model};
 
@@ -11,6 +12,23 @@ pub struct Change {
     pub effect: Effect,
     /// Motor number 1 to 4, for a change of one motor; none where each of the four has changed by itself.
     pub motor: Option<u8>,
+}
+
+/// Every rotor by itself gives less thrust.
+pub(crate) const ALL_ROTORS: Change = Change { effect: Effect::MotorEfficiency, motor: None };
+/// More mass.
+pub(crate) const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
+/// Another wind.
+pub(crate) const WIND: Change = Change { effect: Effect::SteadyWind, motor: None };
+
+/// Where the coefficients of each change lie among those of all, one change after the other.
+pub(crate) fn places(changes: &[Change]) -> impl Iterator<Item = (Change, Range<usize>)> {
+    let mut next = 0;
+    changes.iter().map(move |change| {
+        let first = next;
+        next += change.coefficients().len();
+        (*change, first..next)
+    })
 }
 
 impl Change {
@@ -50,6 +68,13 @@ impl fmt::Display for Change {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn coefficients_lie_one_change_after_the_other() {
+        let weak = Change { motor: Some(2), ..ALL_ROTORS };
+        let found: Vec<_> = places(&[ALL_ROTORS, HEAVIER, weak]).collect();
+        assert_eq!(found, [(ALL_ROTORS, 0..4), (HEAVIER, 4..5), (weak, 5..6)]);
+    }
 
     #[test]
     fn a_weak_motor_is_one_of_four_and_frees_its_own_coefficient() {

@@ -6,13 +6,15 @@
 //! four numbers. So wherever masses, centres of mass or single motors are named, they are held against four rotors, each by itself, with
 //! whatever still adds to these, on all axes and on flights that neither was estimated from.
 
+use std::ops::Range;
+
 use model::{Axis, Effect, Model};
 use nalgebra::DVector;
 use sysid::prepare::Prepared;
 use sysid::statistics::Blocks;
 use sysid::{Residuals, errors, residuals};
 
-use crate::change::Change;
+use crate::change::{ALL_ROTORS, Change, HEAVIER, places};
 use crate::change_examined::examine;
 use crate::change_fit::{Fitted, fit_jointly};
 use crate::change_scatter::scatter_of;
@@ -22,12 +24,6 @@ use crate::finding::EffectFinding;
 use crate::held_out::{judged_axes, take_gain};
 use crate::reason::Reason;
 use crate::significance::take_fall;
-
-/// Every rotor by itself gives less thrust.
-pub(crate) const ALL_ROTORS: Change = Change { effect: Effect::MotorEfficiency, motor: None };
-
-/// More mass.
-pub(crate) const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
 
 /// The largest loss of thrust from which on rotors are one change beside others. Every batch of propellers differs by as much.
 const LEAST_LOSS: f64 = 0.01;
@@ -105,12 +101,11 @@ fn beside(model: &Model, together: &Together, flights: &[&Prepared]) -> Option<T
 /// Whether what all rotors seem to lack alike is the inertia of a mass that was added, or was taken off: it makes the craft turn more slowly
 /// under the same thrust.
 fn is_inertia(changes: &[Change], values: &DVector<f64>) -> bool {
-    let of = |effect: Effect| {
-        let at = changes.iter().position(|change| change.effect == effect)?;
-        let first: usize = changes[..at].iter().map(|change| change.coefficients().len()).sum();
-        Some(values.rows(first, changes[at].coefficients().len()))
+    let of = |one: Change| {
+        let (_, place) = places(changes).find(|(change, _)| *change == one)?;
+        Some(values.rows(place.start, place.len()))
     };
-    let (Some(losses), Some(mass)) = (of(ALL_ROTORS.effect), of(HEAVIER.effect)) else { return false };
+    let (Some(losses), Some(mass)) = (of(ALL_ROTORS), of(HEAVIER)) else { return false };
     let mean = losses.mean();
     let are_alike = losses.iter().all(|loss| (loss - mean).abs() < ALIKE * mean.abs());
     are_alike && mean * mass[0] > 0.0
@@ -119,20 +114,17 @@ fn is_inertia(changes: &[Change], values: &DVector<f64>) -> bool {
 /// How many standard errors each of some changes is from zero by the most certain of its coefficients, the usual scatter between flights
 /// among them.
 fn certainty(model: &Model, changes: &[Change], fitted: &Fitted) -> Vec<f64> {
-    let mut place = 0;
-    let of_change = |change: &Change| {
-        let coefficients = change.coefficients();
-        let first = place;
-        place += coefficients.len();
-        let ratio = |(i, k): (usize, usize)| {
-            let name = change.effect.info().coefficients[k].name;
-            let usual = scatter_of(model, change.effect, name).map_or(0.0, |scatter| scatter.deviation);
-            let error = fitted.covariance[(first + i, first + i)].max(0.0).sqrt().hypot(usual);
-            fitted.values[first + i].abs() / error.max(f64::MIN_POSITIVE)
-        };
-        coefficients.into_iter().enumerate().map(ratio).fold(0.0, f64::max)
+    let ratio = |effect: Effect, (k, place): (usize, usize)| {
+        let name = effect.info().coefficients[k].name;
+        let usual = scatter_of(model, effect, name).map_or(0.0, |scatter| scatter.deviation);
+        let error = fitted.covariance[(place, place)].max(0.0).sqrt().hypot(usual);
+        fitted.values[place].abs() / error.max(f64::MIN_POSITIVE)
     };
-    changes.iter().map(of_change).collect()
+    let most = |(change, place): (Change, Range<usize>)| {
+        let each = change.coefficients().into_iter().zip(place);
+        each.map(|at| ratio(change.effect, at)).fold(0.0, f64::max)
+    };
+    places(changes).map(most).collect()
 }
 
 /// Four rotors in the place of all that they may be, with what still adds to them.

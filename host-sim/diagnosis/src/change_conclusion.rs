@@ -104,8 +104,8 @@ fn refuse_of_rotation(findings: &mut [Found]) {
     findings.iter_mut().filter(needs_rotation).for_each(|(_, finding)| finding.refuse(Reason::NotJudged));
 }
 
-/// A centre of mass or a weak motor that the balance finds in a wind that the forces show, and that is stronger than any the model was flown in: the wind
-/// exerts moments of which the model knows nothing.
+/// A centre of mass or a weak motor that the balance finds in a wind that the forces show, and that is stronger than any the model was flown
+/// in: the wind exerts moments of which the model knows nothing.
 fn refuse_moments_of_wind(model: &Model, findings: &mut [Found]) {
     let is_strong = |(change, finding): &Found| {
         let squares: f64 = finding.coefficients.iter().map(|c| c.value * c.value).sum();
@@ -117,8 +117,7 @@ fn refuse_moments_of_wind(model: &Model, findings: &mut [Found]) {
     let turns = [Effect::ComOffset, Effect::MotorEfficiency];
     let is_moment = |(change, finding): &&mut Found| turns.contains(&change.effect) && finding.supported;
     for (_, finding) in findings.iter_mut().filter(is_moment) {
-        finding.refuse(Reason::MomentOfWind);
-        finding.confounded_with.push(Effect::SteadyWind);
+        finding.refuse_as_moment_of_wind();
     }
 }
 
@@ -163,17 +162,11 @@ fn not_understood(model: &Model) -> String {
     }
 }
 
-/// " This is not all: the residual of r has a constant offset (99 % of its squared error)." Where little is left, the table says so.
+/// " This is not all: the residual of r has ..." Where little is left, the table says so.
 fn not_all(left: &[Unexplained]) -> String {
     let most = left.iter().max_by(|a, b| a.share_percent.total_cmp(&b.share_percent));
-    most.filter(|most| most.share_percent >= LARGE_PERCENT).map_or_else(String::new, |most| {
-        format!(
-            " This is not all: the residual of {} {} ({} % of its squared error), and no known change explains it.",
-            most.axis,
-            most.depends_on.predicate(),
-            percent(most.share_percent)
-        )
-    })
+    most.filter(|most| most.share_percent >= LARGE_PERCENT)
+        .map_or_else(String::new, |most| format!(" This is not all: {}.", unaccounted(most)))
 }
 
 /// " quadratic-drag was estimated together with it, ..."
@@ -188,7 +181,8 @@ fn with(together: &[Effect]) -> String {
     }
 }
 
-/// " It began in flight B.csv at 12.0 s (10.9 to 13.2 s).", " It began before flight B.csv, or by 1.1 s into it.", or "mass-change began ..." where that is one of several changes.
+/// " It began in flight B.csv at 12.0 s (10.9 to 13.2 s).", " It began before flight B.csv, or in its first 1.1 s.", or
+/// " mass-change began ..." where that is one of several changes.
 fn beginning(subject: Option<Change>, since: &Since) -> String {
     let subject = subject.map_or_else(|| "It".to_owned(), |change| change.to_string());
     if since.before_flight {
@@ -271,7 +265,12 @@ fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -
                 p_equation(*p_value)
             );
         }
-        Some(worst) => return unaccounted(worst),
+        Some(worst) => {
+            return format!(
+                "No change stands out, and yet these flights are not what the model says: {}.",
+                unaccounted(worst)
+            );
+        }
         None => {}
     }
     let nothing = "No change stands out from the scatter between the flights that the model was fitted to.";
@@ -286,11 +285,10 @@ fn nothing_named(unexplained: Option<&Unexplained>, visible_loss: Option<f64>) -
     }
 }
 
-/// What is left where no change is found.
+/// "the residual of r has a constant offset (99 % of its squared error), and no known change explains it"
 fn unaccounted(worst: &Unexplained) -> String {
     format!(
-        "No change stands out, and yet these flights are not what the model says: the residual of {} {} ({} % of its squared \
-         error), and no known change explains it.",
+        "the residual of {} {} ({} % of its squared error), and no known change explains it",
         worst.axis,
         worst.depends_on.predicate(),
         percent(worst.share_percent)

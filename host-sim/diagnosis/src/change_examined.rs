@@ -100,9 +100,8 @@ mod tests {
     use model::Effect;
 
     use super::*;
+    use crate::change::HEAVIER;
     use crate::testing::{ORDINARY, prepared, truth};
-
-    const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
 
     #[test]
     fn a_heavier_craft_is_found_and_weighed() {

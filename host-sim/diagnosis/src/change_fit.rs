@@ -417,9 +417,8 @@ mod tests {
     use model::{FitRecord, Vehicle};
 
     use super::*;
+    use crate::change::WIND;
     use crate::testing::{ORDINARY, prepared, truth};
-
-    const WIND: Change = Change { effect: Effect::SteadyWind, motor: None };
 
     /// A load of 150 g, and its error below one.
     #[test]

@@ -62,9 +62,8 @@ fn moved(model: &Model, effect: Effect, coefficient: usize, by: f64) -> Model {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::change::{HEAVIER, WIND};
     use crate::testing::{ORDINARY, prepared, truth};
-
-    const WIND: Change = Change { effect: Effect::SteadyWind, motor: None };
 
     /// A force over a drag that is known to a tenth: so is the wind along each axis.
     #[test]
@@ -92,9 +91,8 @@ mod tests {
         let mut model = truth();
         let thrust = model.terms.iter_mut().find(|term| term.effect == Effect::Thrust).unwrap();
         thrust.coefficients.iter_mut().for_each(|c| c.std_error = Some(0.02 * c.value));
-        let change = Change { effect: Effect::MassChange, motor: None };
-        let fitted = fit_change(&model, change, &flights).unwrap();
-        let error = own_errors(&model, change, &fitted, &flights)[0];
+        let fitted = fit_change(&model, HEAVIER, &flights).unwrap();
+        let error = own_errors(&model, HEAVIER, &fitted, &flights)[0];
         let whole_kg = model.vehicle.mass + 0.15;
         assert!((error / (0.02 * whole_kg) - 1.0).abs() < 0.05, "{error}");
     }

@@ -8,8 +8,8 @@ use model::{Effect, Model};
 use sysid::has_rotation;
 use sysid::prepare::Prepared;
 
-use crate::change::Change;
-use crate::change_challenge::{ALL_ROTORS, HEAVIER, challenge, take_challenge};
+use crate::change::{ALL_ROTORS, Change, HEAVIER};
+use crate::change_challenge::{challenge, take_challenge};
 use crate::change_examined::examine;
 use crate::change_fit::{fit_change, is_beyond_flown};
 use crate::change_together::{Found, Together};
@@ -39,8 +39,7 @@ pub(crate) fn mark_rivals(
         going_on(observer)?;
         let (change, as_good) = (*change, part(finding) > AS_GOOD);
         if is_moment_of_wind(model, &together.model, change) {
-            finding.refuse(Reason::MomentOfWind);
-            finding.confounded_with.push(Effect::SteadyWind);
+            finding.refuse_as_moment_of_wind();
             continue;
         }
         if change.effect != best.effect && !as_good && supports(&with_best.model, change) {

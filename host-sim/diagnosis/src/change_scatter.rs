@@ -122,9 +122,8 @@ fn known_from(all: &Scattered, noise: &DMatrix<f64>, between: &[(f64, f64)], str
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::change::HEAVIER;
     use crate::testing::{ORDINARY, prepared, truth};
-
-    const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
 
     /// Two flights that had their part in the model: twice the root of the mean square.
     #[test]

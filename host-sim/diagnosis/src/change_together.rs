@@ -4,7 +4,7 @@ use model::{Effect, Model};
 use sysid::FitError;
 use sysid::prepare::Prepared;
 
-use crate::change::Change;
+use crate::change::{Change, places};
 use crate::change_fit::{Fitted, fit_change, fit_jointly};
 use crate::finding::EffectFinding;
 
@@ -30,6 +30,7 @@ impl Together {
         Self { model: model.clone(), changes: Vec::new(), revealed: Vec::new(), std_errors: Vec::new() }
     }
 
+    /// Several, each on top of those before it.
     pub(crate) fn of(model: &Model, changes: &[Change], flights: &[&Prepared]) -> Result<Self, FitError> {
         changes.iter().try_fold(Self::none(model), |before, change| before.and(*change, flights))
     }
@@ -43,7 +44,6 @@ impl Together {
         Ok(self)
     }
 
-    /// The model with all but the best.
     /// The changes estimated at once: one after the other, the first takes what the second explains better. Where that finds no end, they
     /// stay as they were.
     pub(crate) fn settled(self, flights: &[&Prepared]) -> Self {
@@ -68,24 +68,23 @@ impl Together {
         if self.changes.len() < 2 {
             return;
         }
-        let mut errors = self.std_errors.iter();
-        for change in &self.changes {
-            let free = change.coefficients();
-            let own: Vec<f64> = errors.by_ref().take(free.len()).copied().collect();
+        for (change, place) in places(&self.changes) {
             let (Some((_, finding)), Some(term)) =
-                (findings.iter_mut().find(|(other, _)| other == change), self.model.term(change.effect))
+                (findings.iter_mut().find(|(other, _)| *other == change), self.model.term(change.effect))
             else {
                 continue;
             };
-            for (i, (coefficient, k)) in finding.coefficients.iter_mut().zip(free).enumerate() {
+            for ((coefficient, k), i) in finding.coefficients.iter_mut().zip(change.coefficients()).zip(place)
+            {
                 coefficient.value = term.coefficients[k].value;
                 // By itself, a change has the scatter between flights in its errors, but not what it shares with others.
-                coefficient.std_error =
-                    own.get(i).map_or(coefficient.std_error, |own| coefficient.std_error.max(*own));
+                let own = self.std_errors.get(i).copied().unwrap_or(0.0);
+                coefficient.std_error = coefficient.std_error.max(own);
             }
         }
     }
 
+    /// The model with all but the best.
     pub(crate) fn without_best(&self, model: &Model, flights: &[&Prepared]) -> Model {
         let others = self.changes.get(1..).unwrap_or_default();
         Self::of(model, others, flights).map_or_else(|_| model.clone(), |rest| rest.model)
@@ -95,11 +94,9 @@ impl Together {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::change::{ALL_ROTORS, HEAVIER};
     use crate::reason::Reason;
     use crate::testing::{ORDINARY, prepared, truth};
-
-    const HEAVIER: Change = Change { effect: Effect::MassChange, motor: None };
-    const ROTORS: Change = Change { effect: Effect::MotorEfficiency, motor: None };
 
     /// All rotors give more thrust, and the craft is heavier: by themselves, each takes the other's lift.
     #[test]
@@ -109,14 +106,14 @@ mod tests {
         world.set(Effect::MotorEfficiency, &[-0.04; 4]);
         let flights = prepared(&world, 30..33, 10.0, &ORDINARY);
         let flights: Vec<&Prepared> = flights.iter().collect();
-        let both = [HEAVIER, ROTORS];
+        let both = [HEAVIER, ALL_ROTORS];
         let together = Together::of(&truth(), &both, &flights).unwrap().settled(&flights);
         let size = |effect| together.model.term(effect).unwrap().values();
         assert!((size(HEAVIER.effect)[0] - 0.06).abs() < 0.01, "{:?}", size(HEAVIER.effect));
         assert!(
-            size(ROTORS.effect).iter().all(|loss| (loss + 0.04).abs() < 0.006),
+            size(ALL_ROTORS.effect).iter().all(|loss| (loss + 0.04).abs() < 0.006),
             "{:?}",
-            size(ROTORS.effect)
+            size(ALL_ROTORS.effect)
         );
         assert_eq!(together.std_errors.len(), 5);
         let mut findings: Vec<Found> = both

@@ -27,6 +27,9 @@ const ORDER: [Verdict; 4] =
 /// Most reasons that a sentence gives; tables and JSON have all.
 const MOST_REASONS: usize = 2;
 
+/// What is said of an effect that lowers the error of axes which are not identified even with it.
+pub(crate) const NOT_YET: &str = "the axes it acts on are still not identified: this is not yet a finding";
+
 /// The diagnosis that findings, what is left, and what the flights do not determine lead to.
 pub(crate) fn conclude(
     effects: Vec<EffectFinding>,
@@ -179,7 +182,7 @@ fn unfitted(finding: &EffectFinding) -> String {
 /// An effect that lowers the error of axes which are not identified even with it.
 fn no_finding(finding: &EffectFinding) -> String {
     format!(
-        "With {}, the held-out {} falls by {} %, but the axes it acts on are still not identified: this is not yet a finding.",
+        "With {}, the held-out {} falls by {} %, but {NOT_YET}.",
         finding.effect,
         rms_of(finding.judged_axes()),
         percent(finding.rms_fall_percent())

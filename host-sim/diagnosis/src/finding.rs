@@ -211,6 +211,12 @@ impl EffectFinding {
         self.reason = reason;
     }
 
+    /// Not supported, for it may be the moment of a wind beyond any that the model was flown in.
+    pub(crate) fn refuse_as_moment_of_wind(&mut self) {
+        self.refuse(Reason::MomentOfWind);
+        self.confounded_with.push(Effect::SteadyWind);
+    }
+
     /// The axes that its evidence is taken on: of those that it acts on, the ones that the model speaks of.
     pub(crate) fn judged_axes(&self) -> &'static [Axis] {
         let all = self.effect.info().axes;

@@ -4,12 +4,12 @@ use model::{Effect, Model};
 use sysid::Reference;
 use sysid::checks::vehicle::Likeness;
 
-use crate::change::Change;
+use crate::change::{Change, WIND};
 use crate::change_evidence::changes_of;
 use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
-use crate::workflow::own_winds::{WIND, is_better};
+use crate::workflow::own_winds::is_better;
 use crate::workflow::sets::FlightsOfOneKind;
 use crate::{Diagnosis, Options, WhyChanged, changes, why_changed};
 

@@ -9,7 +9,7 @@ use model::{Effect, GROUPS, Model, NotIdentified, PerGroup, Vehicle};
 use sysid::fit::output_error::Rows;
 use sysid::{Comparison, RefinementOutcome, RotorComparison};
 
-use crate::conclusion::{counts_in, first_of, what_is_unknown, without};
+use crate::conclusion::{NOT_YET, counts_in, first_of, what_is_unknown, without};
 use crate::criteria::harm;
 use crate::finding::EffectFinding;
 use crate::observer::{Observer, Once};
@@ -158,9 +158,7 @@ fn added_in_vain(steps: &[&Step]) -> String {
     let names: Vec<&str> = steps.iter().map(|step| step.effect.id()).collect();
     match names.as_slice() {
         [] => String::new(),
-        [one] => format!(
-            " {one} was added to the model, but the axes it acts on are still not identified: this is not yet a finding."
-        ),
+        [one] => format!(" {one} was added to the model, but {NOT_YET}."),
         all => format!(
             " {} were added to the model, but the axes they act on are still not identified: these are not yet findings.",
             all.join(" and ")
@@ -431,6 +429,7 @@ mod tests {
     use super::*;
     use crate::conclusion::conclude;
     use crate::testing::{ORDINARY, fly, prepared, truth};
+    use crate::workflow::unlike_rotors;
     use crate::workflow::{Reading, Silent};
 
     fn diagnosis(verdict: Verdict, summary: &str) -> Diagnosis {
@@ -524,6 +523,25 @@ mod tests {
             "Found: steady-wind. wind-shear was added first and taken out again: it adds nothing once steady-wind is in the \
              model."
         );
+    }
+
+    #[test]
+    fn a_weak_motor_is_told_unless_the_flights_do_not_determine_the_rotation() {
+        let told = |rotation, steps: Vec<Step>| {
+            let mut told = explanation(steps, Verdict::Adequate);
+            told.last_diagnosis.verdicts.rotation = rotation;
+            told.rotors = Some(unlike_rotors::tests::weak());
+            told.conclusion()
+        };
+        let weak = "motor 2 gives 6.0 % less thrust than the mean of the other three (standard error of the fit 0.1 %).";
+        let plain = told(Verdict::Adequate, Vec::new());
+        assert_eq!(plain, format!("Found: nothing. Nothing is left. But at the same speed, {weak}"));
+        let after = told(Verdict::Adequate, vec![step(Effect::SteadyWind)]);
+        assert_eq!(after, format!("Found: steady-wind. At the same speed, {weak}"));
+        assert!(
+            told(Verdict::Unexplained, Vec::new()).contains(&format!("{weak} Because the rotation is still"))
+        );
+        assert_eq!(told(Verdict::NotIdentified, Vec::new()), "Found: nothing. Nothing is left.");
     }
 
     #[test]

@@ -5,14 +5,14 @@
 //! that is sure of itself and wrong. So what each flight's wind differs from their mean by is given to the flight, and the change is
 //! the mean.
 
-use model::{Axis, Effect, Model};
+use model::{Axis, Model};
 use nalgebra::Vector3;
 use report::number::fixed;
 use sysid::fit::linearise::squares_left;
 use sysid::fit::weather;
 use sysid::{Fault, FaultKind, Prepared, Severity};
 
-use crate::change::Change;
+use crate::change::WIND;
 use crate::change_conclusion::sizes;
 use crate::change_fit::{Fitted, fit_change};
 use crate::criteria::LEFT_BY_OWN_WINDS;
@@ -20,8 +20,6 @@ use crate::finding::{AxisDrop, Diagnosis, EffectFinding};
 use crate::workflow::corrections::prepared;
 use crate::workflow::sets::FlightsOfOneKind;
 use crate::workflow::winds::Winds;
-
-pub(crate) const WIND: Change = Change { effect: Effect::SteadyWind, motor: None };
 
 /// The mean of the flights' own winds, m/s north and east.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -166,6 +164,7 @@ pub(crate) fn is_better(in_own_winds: &Diagnosis, in_one: &Diagnosis) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use model::Effect;
     use nalgebra::{DMatrix, DVector};
 
     use super::*;

@@ -7,10 +7,10 @@
 use model::{Axis, Effect, Model};
 
 use crate::Options;
+use crate::change::WIND;
 use crate::finding::EffectFinding;
 use crate::held_out::{Validated, examine_along, fit_and_validate};
 use crate::workflow::error::WorkflowError;
-use crate::workflow::own_winds::WIND;
 use crate::workflow::sets::FlightSets;
 use crate::workflow::winds::{Revealed, Winds};
 

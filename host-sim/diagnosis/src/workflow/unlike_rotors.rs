@@ -26,12 +26,12 @@ pub(crate) fn unlike_rotors(
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use sysid::{AtSame, CenterOfMass, MotorThrust};
 
     /// Motor 2 weak by 6 %.
-    fn weak() -> RotorComparison {
+    pub(crate) fn weak() -> RotorComparison {
         let of = |motor, thrust_percent| MotorThrust { motor, thrust_percent, std_error_percent: 0.1 };
         let center_of_mass = CenterOfMass {
             forward_m: 0.0,

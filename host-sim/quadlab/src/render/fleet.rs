@@ -10,6 +10,7 @@ use report::number::{p_value, with_error};
 use report::{Page, Section, significant};
 use sysid::Severity;
 
+use crate::render::counted;
 use crate::render::fleet_figures::{histories, timeline};
 use crate::render::grid::{Grid, number, paragraph, text};
 
@@ -88,10 +89,6 @@ fn conclusion(answer: &Answer) -> String {
         all.push(format!("No change is shown{of}."));
     }
     all.join(" ")
-}
-
-fn counted(count: usize, what: &str) -> String {
-    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
 }
 
 /// A change as a sentence.

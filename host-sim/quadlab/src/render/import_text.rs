@@ -7,6 +7,7 @@ use report::number::{fixed, value_and_error};
 use report::significant;
 
 use crate::cli::logs::Read;
+use crate::render::counted;
 use crate::render::grid::{Grid, number, text};
 use crate::render::tables;
 
@@ -32,11 +33,6 @@ pub(crate) fn of(read: &[Read], out: &Path, vehicle: Option<(&Path, bool)>, draf
     let plural = if flights == 1 { "" } else { "s" };
     said.push_str(&format!("{flights} flight file{plural} written to {}\n", out.display()));
     said
-}
-
-fn counted(count: usize, what: &str) -> String {
-    let plural = if count == 1 { "" } else { "s" };
-    format!("{count} {what}{plural}")
 }
 
 fn log(import: &Import) -> String {

@@ -21,3 +21,8 @@ pub(crate) mod stand_ins;
 pub(crate) mod tables;
 pub(crate) mod unpredicted;
 pub(crate) mod view;
+
+/// "1 flight", "2 flights".
+pub(crate) fn counted(count: usize, what: &str) -> String {
+    if count == 1 { format!("1 {what}") } else { format!("{count} {what}s") }
+}
