@@ -3,7 +3,7 @@
 use std::fmt;
 use std::ops::Range;
 
-use model::{Effect, Model};
+use model::{Effect, Model, Term};
 
 /// One change to explain new flights by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -52,6 +52,23 @@ impl Change {
             None => (0..self.effect.info().coefficients.len()).collect(),
         }
     }
+
+    /// Gives its coefficients these values in a model, and leaves others of its effect as they are.
+    pub(crate) fn set(self, model: &mut Model, values: &[f64]) {
+        let own = model.term(self.effect).map(Term::values);
+        let mut all = own.unwrap_or_else(|| vec![0.0; self.effect.info().coefficients.len()]);
+        self.coefficients().into_iter().zip(values).for_each(|(k, value)| all[k] = *value);
+        model.set(self.effect, &all);
+    }
+
+    /// `with` without it: with its coefficients as they are in `before`.
+    pub fn undone(self, with: &Model, before: &Model) -> Model {
+        let own = before.term(self.effect).map(Term::values);
+        let values = self.coefficients().into_iter().map(|k| own.as_ref().map_or(0.0, |own| own[k]));
+        let mut without = with.clone();
+        self.set(&mut without, &values.collect::<Vec<_>>());
+        without
+    }
 }
 
 /// For people: "motor-efficiency of motor 2".
@@ -74,6 +91,19 @@ mod tests {
         let weak = Change { motor: Some(2), ..ALL_ROTORS };
         let found: Vec<_> = places(&[ALL_ROTORS, HEAVIER, weak]).collect();
         assert_eq!(found, [(ALL_ROTORS, 0..4), (HEAVIER, 4..5), (weak, 5..6)]);
+    }
+
+    #[test]
+    fn a_change_is_undone_and_others_of_its_effect_stay() {
+        let before = Model::thesis();
+        let [first, second] = [1, 2].map(|motor| Change { motor: Some(motor), ..ALL_ROTORS });
+        let mut with = before.clone();
+        first.set(&mut with, &[0.05]);
+        second.set(&mut with, &[0.03]);
+        let losses = |model: &Model| model.term(ALL_ROTORS.effect).unwrap().values();
+        assert_eq!(losses(&with), [0.05, 0.03, 0.0, 0.0]);
+        assert_eq!(losses(&second.undone(&with, &before)), [0.05, 0.0, 0.0, 0.0]);
+        assert_eq!(losses(&second.undone(&with, &with)), [0.05, 0.03, 0.0, 0.0]);
     }
 
     #[test]

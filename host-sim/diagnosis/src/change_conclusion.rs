@@ -30,6 +30,8 @@ pub(crate) struct OfRows {
     pub(crate) began: Option<Since>,
     /// The changes that happened, the named one first.
     pub(crate) happened: Vec<Change>,
+    /// The model with them.
+    pub(crate) with: Model,
     /// What was estimated together with them.
     pub(crate) revealed: Vec<Effect>,
     /// Structure that it leaves.
@@ -38,13 +40,10 @@ pub(crate) struct OfRows {
 
 /// The answer of both.
 pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> Diagnosis {
-    let OfRows { mut findings, began, mut happened, mut revealed, mut left } = rows;
+    let OfRows { mut findings, began, mut happened, mut with, mut revealed, mut left } = rows;
     let unknown = recorded(model);
     let judged = !unknown.iter().any(|reason| reason.group == Group::Rotation);
-    // What a model leaves on an axis that it does not know is no structure of the new flights, but for bursts far above that.
-    left.retain(|u| {
-        u.depends_on == Dependence::Bursts || !unknown.iter().any(|reason| reason.is_about(u.axis))
-    });
+    forget_unknown(&mut left, &unknown);
     if !judged {
         refuse_of_rotation(&mut findings);
     }
@@ -60,6 +59,7 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
             replace(&mut findings, answer.findings);
             refuse_moments_of_wind(model, &mut findings);
             since = answer.since;
+            with = with_supported(model, &findings);
             happened.clear();
             revealed.clear();
         }
@@ -69,6 +69,7 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         add_rotors_to(*best, finding);
     }
     let best = findings.iter().find(|(_, finding)| finding.supported);
+    let with_changes = best.map(|_| without_refused(model, with, &happened, &findings));
     let also: Vec<&Found> = findings
         .iter()
         .filter(|(change, f)| f.supported && happened[1.min(happened.len())..].contains(change))
@@ -86,7 +87,7 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         verdict,
         verdicts,
         summary: summary(verdict, (best, &also), unexplained.first(), visible_loss)
-            + &with(&revealed)
+            + &estimated_with(&revealed)
             + &began
             + &rest
             + &not_understood(model),
@@ -95,7 +96,34 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         not_identified: unknown,
         since,
         rotors: None,
+        with_changes,
     }
+}
+
+/// The model with what is supported, by the sizes in the findings.
+fn with_supported(model: &Model, findings: &[Found]) -> Model {
+    let mut with = model.clone();
+    for (change, finding) in findings.iter().filter(|(_, finding)| finding.supported) {
+        let values: Vec<f64> = finding.coefficients.iter().map(|c| c.value).collect();
+        change.set(&mut with, &values);
+    }
+    with
+}
+
+/// The model with what happened, without what of that was refused since.
+fn without_refused(model: &Model, with: Model, happened: &[Change], findings: &[Found]) -> Model {
+    let is_supported = |change: &Change| findings.iter().any(|(other, f)| other == change && f.supported);
+    happened
+        .iter()
+        .filter(|change| !is_supported(change))
+        .fold(with, |with, change| change.undone(&with, model))
+}
+
+/// What a model leaves on an axis that it does not know is no structure of the new flights, but for bursts far above that.
+fn forget_unknown(left: &mut Vec<Unexplained>, unknown: &[NotIdentified]) {
+    left.retain(|u| {
+        u.depends_on == Dependence::Bursts || !unknown.iter().any(|reason| reason.is_about(u.axis))
+    });
 }
 
 /// Refuses what rows of an unknown rotation say.
@@ -170,7 +198,7 @@ fn not_all(left: &[Unexplained]) -> String {
 }
 
 /// " quadratic-drag was estimated together with it, ..."
-fn with(together: &[Effect]) -> String {
+fn estimated_with(together: &[Effect]) -> String {
     let were = if together.len() == 1 { "was" } else { "were" };
     match together {
         [] => String::new(),
@@ -308,7 +336,8 @@ mod tests {
     }
 
     fn of_rows(findings: Vec<Found>) -> OfRows {
-        OfRows { findings, began: None, happened: Vec::new(), revealed: Vec::new(), left: Vec::new() }
+        let with = truth();
+        OfRows { findings, began: None, happened: Vec::new(), with, revealed: Vec::new(), left: Vec::new() }
     }
 
     fn answer(findings: Vec<Found>, p_value: f64) -> Answer {

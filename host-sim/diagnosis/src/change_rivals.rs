@@ -278,5 +278,10 @@ mod tests {
         let said = "Since the model was fitted, more than one thing has changed: ";
         assert!(diagnosis.summary.starts_with(said), "{}", diagnosis.summary);
         assert!(!diagnosis.summary.contains("cannot tell"), "{}", diagnosis.summary);
+        let with = diagnosis.with_changes.as_ref().unwrap();
+        for finding in diagnosis.effects.iter().filter(|finding| finding.supported) {
+            let sizes: Vec<f64> = finding.coefficients.iter().map(|c| c.value).collect();
+            assert_eq!(with.term(finding.effect).unwrap().values(), sizes);
+        }
     }
 }

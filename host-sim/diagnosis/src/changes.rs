@@ -63,8 +63,8 @@ pub fn changed(
     let others = together.without_best(model, flights);
     let named = findings.iter().find(|(_, finding)| finding.supported);
     let began = named.and_then(|(change, finding)| onset(&others, (*change, finding), flights));
-    let Together { changes: happened, revealed, .. } = together;
-    let rows = OfRows { findings, began, happened, revealed, left };
+    let Together { changes: happened, model: with, revealed, .. } = together;
+    let rows = OfRows { findings, began, happened, with, revealed, left };
     Ok(conclude(model, rows, balance::answer(model, flights, changes)))
 }
 

@@ -39,7 +39,17 @@ pub(crate) fn conclude(
     let verdicts = PerGroup::from_fn(|group| verdict_of(group, &effects, &unexplained, &not_identified));
     let verdict = first_of(&ORDER, verdicts);
     let summary = summary(verdict, &effects, &unexplained, &not_identified);
-    Diagnosis { verdict, verdicts, summary, effects, unexplained, not_identified, since: None, rotors: None }
+    Diagnosis {
+        verdict,
+        verdicts,
+        summary,
+        effects,
+        unexplained,
+        not_identified,
+        since: None,
+        rotors: None,
+        with_changes: None,
+    }
 }
 
 /// The first verdict in `order` that either part has.

@@ -292,6 +292,9 @@ pub struct Diagnosis {
     /// The rotors against each other, where nothing is missing from the rotation and the model's coefficients tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rotors: Option<RotorComparison>,
+    /// The model with every change that is supported, where changes were asked for.
+    #[serde(skip)]
+    pub with_changes: Option<Model>,
 }
 
 impl Diagnosis {
@@ -325,6 +328,7 @@ mod tests {
             unexplained: Vec::new(),
             since: None,
             rotors: None,
+            with_changes: None,
             not_identified: Vec::new(),
         };
         assert_eq!(diagnosis(&all).best(), None);

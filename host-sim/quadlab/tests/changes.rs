@@ -71,7 +71,7 @@ fn a_weak_motor_is_named_with_its_loss() {
         "<h1>What has changed?</h1>",
         "The change: motor-efficiency 2",
         "the change was there from the first of them (A.csv) on",
-        "What else it could be",
+        "What else motor-efficiency 2 could be",
         // The weak motor was hidden in all five flights, and each has its error without and with it.
         "Root mean square error of each flight",
     ] {

@@ -442,6 +442,7 @@ mod tests {
             not_identified: Vec::new(),
             since: None,
             rotors: None,
+            with_changes: None,
         }
     }
 

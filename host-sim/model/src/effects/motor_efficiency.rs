@@ -1,4 +1,4 @@
-//! One rotor gives less (or more) thrust than the model says: a chipped blade, a worn bearing, a bent shaft. Its reaction
+//! One or more rotors give less (or more) thrust than the model says: a chipped blade, a worn bearing, a bent shaft. Its reaction
 //! torque stays.
 
 use crate::axis::Axis;
@@ -12,7 +12,7 @@ const fn coefficient(name: &'static str) -> Coefficient {
 
 pub(super) const INFO: EffectInfo = EffectInfo {
     id: "motor-efficiency",
-    sentence: "One rotor gives less thrust than the model says.",
+    sentence: "One or more rotors give less thrust than the model says.",
     equation: r"T_i \to T_i (1 - \lambda_i)",
     source: None,
     kind: Kind::Adjusting,

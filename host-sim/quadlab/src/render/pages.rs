@@ -1,7 +1,7 @@
 //! Pages: what a command found, with the figures that show it.
 
 use diagnosis::workflow::{Explanation, Faults, FlightSets, FlightsOfOneKind, LoadedFlight};
-use diagnosis::{Diagnosis, EffectFinding};
+use diagnosis::{Change, Diagnosis, EffectFinding};
 use model::{AXES, Axis, Effect, Model};
 use report::{Page, Section};
 use sysid::{Comparison, Prepared};
@@ -191,20 +191,17 @@ fn shown(section: Section, effect: Effect, flights: &[&Prepared], without: &Mode
 pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagnosis) -> Page {
     let flights: Vec<&Prepared> = flights.iter().map(|flight| &flight.prepared).collect();
     let mut page = Page::new("What has changed?", diagnosis.summary.clone());
-    if let Some((finding, effect)) = change(diagnosis) {
-        let with = with_change(model, effect, finding);
-        let (before, after) = (View::all(&flights, model), View::all(&flights, &with));
-        let section = Section::new(format!("The change: {}", tables::named(finding)))
-            .paragraph(finding.sentence())
-            .grid(&tables::change(diagnosis))
-            .paragraph(
-                "The model's coefficients stay fixed. In the figures, \"without it\" is the model as it was fitted and \
-                 \"with it\" is the same model with the change.",
-            );
-        page = page
-            .section(shown(section, effect, &flights, model, &with))
-            .section(since(effect, &before, &after));
-        page = page.section(rivals(effect, finding));
+    let named: Vec<&EffectFinding> = diagnosis.effects.iter().filter(|finding| finding.supported).collect();
+    if let Some(with) = &diagnosis.with_changes {
+        page = page.section(sizes(diagnosis, &named));
+        for finding in &named {
+            page = page.section(of_change(model, with, finding, (&flights, named.len() > 1)));
+        }
+        let (before, after) = (View::all(&flights, model), View::all(&flights, with));
+        let axes: Vec<Axis> =
+            AXES.into_iter().filter(|axis| named.iter().any(|f| acts_on(f, *axis))).collect();
+        page = page.section(since(&axes, (&before, &after), named.len() == 1));
+        page = named.iter().fold(page, |page, finding| page.section(rivals(finding)));
     }
     let evidence = Section::new("Evidence")
         .grid(&tables::evidence(diagnosis))
@@ -212,69 +209,83 @@ pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagn
     page.section(evidence).section(meanings(&all_effects(diagnosis)))
 }
 
-/// The change that the flights support.
-fn change(diagnosis: &Diagnosis) -> Option<(&EffectFinding, Effect)> {
-    let finding = diagnosis.effects.iter().find(|finding| finding.supported)?;
-    Some((finding, finding.effect))
+fn acts_on(finding: &EffectFinding, axis: Axis) -> bool {
+    finding.effect.info().axes.contains(&axis)
 }
 
-/// The model with a change that was found, on top of what it had.
-fn with_change(model: &Model, effect: Effect, finding: &EffectFinding) -> Model {
-    let info = effect.info();
-    let own = model.term(effect);
-    let values: Vec<f64> = (info.coefficients.iter().enumerate())
-        .map(|(k, c)| {
-            let found = finding.coefficients.iter().find(|found| found.name == c.name);
-            let before = own.and_then(|term| term.coefficients.get(k)).map_or(0.0, |estimate| estimate.value);
-            found.map_or(before, |found| found.value)
-        })
-        .collect();
-    let mut changed = model.clone();
-    changed.set(effect, &values);
-    changed
+fn sizes(diagnosis: &Diagnosis, named: &[&EffectFinding]) -> Section {
+    let names: Vec<String> = named.iter().map(|finding| tables::named(finding)).collect();
+    let title = if names.len() == 1 { "The change" } else { "The changes" };
+    Section::new(format!("{title}: {}", names.join(" and ")))
+        .grid(&tables::change(diagnosis))
+        .paragraph("All other coefficients of the model stay as they were fitted.")
+}
+
+/// What a change does, in figures: the model with all changes that were found against the same model without this one.
+fn of_change(
+    model: &Model,
+    with: &Model,
+    finding: &EffectFinding,
+    (flights, is_one_of_several): (&[&Prepared], bool),
+) -> Section {
+    let change = Change { effect: finding.effect, motor: finding.motor };
+    let without = match is_one_of_several {
+        true => {
+            "\"with it\" is the model with all changes that were found, and \"without it\" is the same model without this one."
+        }
+        false => {
+            "\"with it\" is the model with the change, and \"without it\" is the model as it was fitted."
+        }
+    };
+    let section = Section::new(format!("With and without {}", tables::named(finding)))
+        .paragraph(finding.sentence())
+        .paragraph(format!("In the figures, {without}"));
+    shown(section, finding.effect, flights, &change.undone(with, model), with)
 }
 
 /// In which of the flights the change shows.
-fn since(effect: Effect, before: &[View], after: &[View]) -> Section {
-    let grid = tables::flight_by_flight(effect.info().axes, before, after);
+fn since(axes: &[Axis], (before, after): (&[View], &[View]), is_alone: bool) -> Section {
+    let grid = tables::flight_by_flight(axes, before, after);
     let better = |(b, a): (&View, &View)| {
         let error = |view: &View| {
             let of = |axis: &Axis| {
                 view::squared_error(std::slice::from_ref(view), *axis) / view::squared_error(before, *axis)
             };
-            effect.info().axes.iter().map(of).sum::<f64>()
+            axes.iter().map(of).sum::<f64>()
         };
         error(a) < error(b)
     };
     let shows: Vec<bool> = before.iter().zip(after).map(better).collect();
+    let with = if is_alone { "With it" } else { "With all of them" };
     let sentence = match shows.iter().position(|shows| *shows) {
         Some(0) if shows.iter().all(|shows| *shows) => {
-            format!(
-                "With it, the error falls in each of these flights: the change was there from the first of them ({}) on.",
-                before[0].name
-            )
+            let from_the_first = match is_alone {
+                true => format!(": the change was there from the first of them ({}) on", before[0].name),
+                false => String::new(),
+            };
+            format!("{with}, the error falls in each of these flights{from_the_first}.")
         }
         Some(first) => {
             let names =
                 before.iter().zip(&shows).filter(|(_, shows)| !**shows).map(|(view, _)| view.name.as_str());
             format!(
-                "It first shows in {}. With it, the error does not fall in {}.",
+                "{with}, the error first falls in {}. It does not fall in {}.",
                 before[first].name,
                 names.collect::<Vec<_>>().join(", ")
             )
         }
-        None => "It does not lower the error of any single flight.".into(),
+        None => format!("{with}, the error of no single flight falls."),
     };
-    Section::new("When it began").paragraph(sentence).grid(&grid)
+    Section::new("Flight by flight").paragraph(sentence).grid(&grid)
 }
 
 /// What these flights cannot tell a change from.
-fn rivals(effect: Effect, finding: &EffectFinding) -> Section {
-    let section = Section::new("What else it could be");
+fn rivals(finding: &EffectFinding) -> Section {
+    let section = Section::new(format!("What else {} could be", tables::named(finding)));
     if finding.confounded_with.is_empty() {
         return section.paragraph("These flights distinguish it from every other change that was tried.");
     }
-    let separated = |rival: &Effect| match diagnosis::separating_manoeuvre(effect, *rival) {
+    let separated = |rival: &Effect| match diagnosis::separating_manoeuvre(finding.effect, *rival) {
         Some(how) => format!("{rival}. To separate them, {how}."),
         None => rival.to_string(),
     };
