@@ -16,8 +16,8 @@ use crate::checks::clocks::{self, Clock, Clocks};
 use crate::checks::frames::{self, FrameFault};
 use crate::checks::under_sampled::Thinning;
 use crate::checks::{
-    accelerometer, bench, channels, coarse_commands, command_clock, derived_rates, gyro, imu, interpolated,
-    leaning_attitude, motors, tracker_tilt, under_sampled,
+    accelerometer, accelerometer_offset, bench, channels, coarse_commands, command_clock, derived_rates,
+    gyro, imu, interpolated, leaning_attitude, motors, tracker_tilt, under_sampled,
 };
 use crate::prepare::{PrepareError, Prepared, StandingGyro};
 use flights::{Column, Flight, Mend, StandIn};
@@ -283,6 +283,7 @@ pub fn examine_parts(flight: &Flight, vehicle: &Vehicle, parts: &Parts) -> Resul
         tell_clocks(&clocks, &mut found);
         if frame.is_none() {
             tell_sensors(&flight, &prepared, vehicle, &mut found);
+            take_out_offset(&flight, &mut prepared);
         }
         if let Some(fault) = motors::check(&prepared, vehicle) {
             found.add(FaultKind::WrongMotors, Severity::Refused, fault.sentence);
@@ -325,6 +326,13 @@ fn tell_sensors(flight: &Flight, prepared: &Prepared, vehicle: &Vehicle, found: 
         (FaultKind::LeaningAttitude, of_forces(leaning_attitude::check)),
     ] {
         faults.into_iter().for_each(|fault| found.add(kind, Severity::Warning, fault));
+    }
+}
+
+/// Takes the accelerometer's offset out. Against an attitude that was made of the gyro, nothing is known of it.
+fn take_out_offset(flight: &Flight, prepared: &mut Prepared) {
+    if !is_circular(flight) {
+        accelerometer_offset::take_out(prepared);
     }
 }
 
