@@ -158,8 +158,6 @@ mod tests {
         (Change { effect, motor }, finding)
     }
 
-    /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths
-    /// of 100.
     /// In air that is faster than any that the model was flown in.
     #[test]
     fn a_moment_in_a_strong_wind_is_no_shifted_centre_of_mass() {
@@ -179,6 +177,8 @@ mod tests {
         }
     }
 
+    /// Mass acts on forces and the centre of mass on moments: 60 and 35 are more than nine tenths
+    /// of 100.
     #[test]
     fn two_changes_on_different_axes_rival_one_that_they_explain_together() {
         let best = finding(Effect::MotorEfficiency, Some(1), 100.0);

@@ -12,9 +12,10 @@
 //! said: there, an attitude that leans is the same as an offset. What else pushes along the axes of the body all the time, as a rotor that leans,
 //! goes with it. Along the thrust, an offset is hidden by the scale of the thrust.
 
+use crate::checks::linear_sensor::Rows;
 use crate::filter::sum_of_products;
 use crate::fit::least_squares::{self, FlightRows, RowColumn};
-use crate::prepare::{ForceTarget, Prepared, vector};
+use crate::prepare::{ForceTarget, Prepared, subtract_accelerometer_bias, vector};
 
 /// Standard errors that an offset stands out by.
 const SIGNIFICANT: f64 = 3.0;
@@ -22,8 +23,6 @@ const SIGNIFICANT: f64 = 3.0;
 const MATTERS_M_S2: f64 = 0.01;
 /// Largest standard error of one that is known, m/s^2.
 const KNOWN_M_S2: f64 = 0.02;
-/// Time between the rows of the regression, s.
-const ROW_PERIOD_S: f64 = 0.03;
 /// Offset, linear and quadratic drag of each axis, and the push.
 const UNKNOWNS: usize = 8;
 
@@ -34,11 +33,7 @@ pub(super) fn take_out(flight: &mut Prepared) {
         return;
     }
     let Some(offset_m_s2) = offset_m_s2(flight) else { return };
-    for stretch in &mut flight.stretches {
-        for (signal, off) in stretch.imu_m_s2.iter_mut().flatten().zip(offset_m_s2) {
-            signal.iter_mut().for_each(|value| *value -= off);
-        }
-    }
+    subtract_accelerometer_bias(&mut flight.stretches, offset_m_s2);
     flight.accelerometer_bias_m_s2 = offset_m_s2;
 }
 
@@ -57,7 +52,7 @@ fn offset_m_s2(flight: &Prepared) -> Option<[f64; 2]> {
 }
 
 fn rows(flight: &Prepared) -> FlightRows {
-    let stride = ((ROW_PERIOD_S / flight.period_s).round() as usize).max(1);
+    let stride = Rows::stride(flight.period_s);
     let (taps, half) = (&flight.filter.smooth, flight.filter.half());
     let mut targets: [Vec<f64>; 6] = Default::default();
     let mut columns: Vec<[Vec<f64>; 2]> = vec![Default::default(); UNKNOWNS];

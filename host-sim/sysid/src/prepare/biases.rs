@@ -34,12 +34,17 @@ pub(crate) fn remove_accelerometer_bias(
         }
     }
     let bias = if count > 0.0 { [sum.x / count, sum.y / count] } else { [0.0; 2] };
+    subtract_accelerometer_bias(stretches, bias);
+    bias
+}
+
+/// Takes a bias along x and y out of the accelerometer.
+pub(crate) fn subtract_accelerometer_bias(stretches: &mut [Stretch], bias_m_s2: [f64; 2]) {
     for stretch in stretches {
-        for (signal, b) in stretch.imu_m_s2.iter_mut().flatten().zip(bias) {
+        for (signal, b) in stretch.imu_m_s2.iter_mut().flatten().zip(bias_m_s2) {
             signal.iter_mut().for_each(|value| *value -= b);
         }
     }
-    bias
 }
 
 /// What the gyro tells of a craft that stands.

@@ -16,6 +16,7 @@ mod states;
 mod stretch;
 
 pub use biases::StandingGyro;
+pub(crate) use biases::subtract_accelerometer_bias;
 pub use conditions::Conditions;
 pub use corrections::{Alignment, PieceOffset, Trim};
 pub use error::PrepareError;
