@@ -227,12 +227,13 @@ impl<'a> Balance<'a> {
         let mut columns: Vec<Vector4<f64>> = Vec::new();
         for change in &hypothesis.changes {
             let info = change.effect.info();
-            for k in change.coefficients() {
-                let step = STEP * info.coefficients[k].typical;
-                let mut values = vec![0.0; info.coefficients.len()];
-                values[k] = step;
+            let places = change.coefficients();
+            for (i, k) in places.iter().enumerate() {
+                let step = STEP * info.coefficients[*k].typical;
+                let mut size = vec![0.0; places.len()];
+                size[i] = step;
                 let mut changed = self.model.clone();
-                changed.set(change.effect, &values);
+                change.add(&mut changed, &size);
                 let mut slope = (shares(&changed, &self.rotor_squared) - here) / step;
                 if let (Torque::FallsAlike, Some(motor)) = (hypothesis.torque, change.motor) {
                     let mut slower = self.rotor_squared;
@@ -273,10 +274,9 @@ impl<'a> Balance<'a> {
         let flights = self.of_flights.len();
         let mut finding = EffectFinding::unsupported(change.effect, flights, Reason::LikeChance);
         finding.motor = change.motor;
-        let info = change.effect.info();
         let errors: Vec<f64> = fitted.covariance.diagonal().iter().map(|v| v.sqrt()).collect();
         let figures = change.coefficients().into_iter().enumerate().map(|(i, k)| {
-            CoefficientFigures::new(&info.coefficients[k], fitted.value[i], errors[i], self.model)
+            CoefficientFigures::of_change((change.effect, k), fitted.value[i], errors[i], self.model)
         });
         finding.coefficients = figures.collect();
         // What seldom happens needs as much more evidence.

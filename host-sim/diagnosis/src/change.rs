@@ -32,10 +32,11 @@ pub(crate) fn places(changes: &[Change]) -> impl Iterator<Item = (Change, Range<
 }
 
 impl Change {
-    /// Every change that can have happened to a craft of `model`.
+    /// Every change that can have happened to a craft of `model`. What the model has may be more or less of it now, but for a cable or a
+    /// load: half of a cable is none.
     pub fn all(model: &Model) -> Vec<Self> {
         Effect::changes()
-            .filter(|effect| !model.has(*effect))
+            .filter(|effect| !model.has(*effect) || !effect.info().special.is_anchored)
             .filter(|effect| (effect.info().special.can_come_about)(&model.vehicle))
             .flat_map(|effect| {
                 let one_each = effect.info().special.one_per_rotor;
@@ -53,20 +54,31 @@ impl Change {
         }
     }
 
-    /// Gives its coefficients these values in a model, and leaves others of its effect as they are.
-    pub(crate) fn set(self, model: &mut Model, values: &[f64]) {
+    /// All coefficients of its effect in a model; zero where it lacks the effect.
+    fn of_effect(self, model: &Model) -> Vec<f64> {
         let own = model.term(self.effect).map(Term::values);
-        let mut all = own.unwrap_or_else(|| vec![0.0; self.effect.info().coefficients.len()]);
-        self.coefficients().into_iter().zip(values).for_each(|(k, value)| all[k] = *value);
+        own.unwrap_or_else(|| vec![0.0; self.effect.info().coefficients.len()])
+    }
+
+    /// Its size: by how much its coefficients are more in `with` than in `before`.
+    pub(crate) fn size(self, with: &Model, before: &Model) -> Vec<f64> {
+        let [with, before] = [with, before].map(|model| self.of_effect(model));
+        self.coefficients().into_iter().map(|k| with[k] - before[k]).collect()
+    }
+
+    /// Makes its coefficients in a model more by its size, and leaves others of its effect as they are.
+    pub(crate) fn add(self, model: &mut Model, size: &[f64]) {
+        let mut all = self.of_effect(model);
+        self.coefficients().into_iter().zip(size).for_each(|(k, size)| all[k] += size);
         model.set(self.effect, &all);
     }
 
     /// `with` without it: with its coefficients as they are in `before`.
     pub fn undone(self, with: &Model, before: &Model) -> Model {
-        let own = before.term(self.effect).map(Term::values);
-        let values = self.coefficients().into_iter().map(|k| own.as_ref().map_or(0.0, |own| own[k]));
+        let (mut all, own) = (self.of_effect(with), self.of_effect(before));
+        self.coefficients().into_iter().for_each(|k| all[k] = own[k]);
         let mut without = with.clone();
-        self.set(&mut without, &values.collect::<Vec<_>>());
+        without.set(self.effect, &all);
         without
     }
 }
@@ -98,8 +110,8 @@ mod tests {
         let before = Model::thesis();
         let [first, second] = [1, 2].map(|motor| Change { motor: Some(motor), ..ALL_ROTORS });
         let mut with = before.clone();
-        first.set(&mut with, &[0.05]);
-        second.set(&mut with, &[0.03]);
+        first.add(&mut with, &[0.05]);
+        second.add(&mut with, &[0.03]);
         let losses = |model: &Model| model.term(ALL_ROTORS.effect).unwrap().values();
         assert_eq!(losses(&with), [0.05, 0.03, 0.0, 0.0]);
         assert_eq!(losses(&second.undone(&with, &before)), [0.05, 0.0, 0.0, 0.0]);
@@ -115,13 +127,19 @@ mod tests {
     }
 
     #[test]
-    fn only_what_the_model_lacks_and_a_lag_that_was_known_can_have_changed() {
+    fn a_wind_can_be_another_one_but_not_a_cable_nor_a_lag_that_was_not_known() {
         let mut model = Model::thesis();
-        model.set(Effect::MassChange, &[0.1]);
+        let can = |model: &Model, effect| Change::all(model).iter().any(|change| change.effect == effect);
+        assert!(can(&model, Effect::Tether) && can(&model, Effect::MotorLag));
+        model.set(Effect::SteadyWind, &[1.0, 0.5]);
+        model.set(Effect::Tether, &[1.0, 0.0, 0.0, 0.0]);
         model.vehicle.motors.lag = None;
-        let all = Change::all(&model);
-        assert!(all.iter().all(|c| c.effect != Effect::MassChange && c.effect != Effect::MotorLag));
-        model.vehicle.motors.lag = Some(20.0);
-        assert!(Change::all(&model).iter().any(|c| c.effect == Effect::MotorLag));
+        assert!(can(&model, Effect::SteadyWind));
+        assert!(!can(&model, Effect::Tether) && !can(&model, Effect::MotorLag));
+        let mut with = model.clone();
+        WIND.add(&mut with, &[0.25, -0.5]);
+        assert_eq!(with.term(Effect::SteadyWind).unwrap().values(), [1.25, 0.0]);
+        assert_eq!(WIND.size(&with, &model), [0.25, -0.5]);
+        assert_eq!(WIND.undone(&with, &model).term(Effect::SteadyWind), model.term(Effect::SteadyWind));
     }
 }

@@ -80,7 +80,7 @@ fn beside(model: &Model, together: &Together, flights: &[&Prepared]) -> Option<T
     let others = together.changes.iter().filter(|change| change.effect != ALL_ROTORS.effect);
     let mut changes: Vec<Change> = std::iter::once(&ALL_ROTORS).chain(others).copied().collect();
     loop {
-        let fitted = fit_jointly(model, &changes, flights).ok()?;
+        let fitted = fit_jointly((model, model), &changes, flights).ok()?;
         let losses = fitted.values.rows(0, ALL_ROTORS.coefficients().len());
         if losses.amax() < LEAST_LOSS {
             return None;

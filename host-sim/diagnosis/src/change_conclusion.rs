@@ -21,6 +21,8 @@ use crate::unidentified::{recorded, verdicts_of_change};
 
 /// Share of an axis' squared error from which on the conclusion says what is left beside a change that was found, percent.
 const LARGE_PERCENT: f64 = 50.0;
+/// Standard errors within which a tracked point has stayed where it was.
+const SAME_ERRORS: f64 = 4.0;
 
 /// What the rows of every sample say.
 pub(crate) struct OfRows {
@@ -87,7 +89,7 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         verdict,
         verdicts,
         summary: summary(verdict, (best, &also), unexplained.first(), visible_loss)
-            + &estimated_with(&revealed)
+            + &remarks(model, &named, (best, &also), &revealed)
             + &began
             + &rest
             + &not_understood(model),
@@ -105,7 +107,7 @@ fn with_supported(model: &Model, findings: &[Found]) -> Model {
     let mut with = model.clone();
     for (change, finding) in findings.iter().filter(|(_, finding)| finding.supported) {
         let values: Vec<f64> = finding.coefficients.iter().map(|c| c.value).collect();
-        change.set(&mut with, &values);
+        change.add(&mut with, &values);
     }
     with
 }
@@ -195,6 +197,47 @@ fn not_all(left: &[Unexplained]) -> String {
     let most = left.iter().max_by(|a, b| a.share_percent.total_cmp(&b.share_percent));
     most.filter(|most| most.share_percent >= LARGE_PERCENT)
         .map_or_else(String::new, |most| format!(" This is not all: {}.", unaccounted(most)))
+}
+
+/// What is to be known of the changes that are named.
+fn remarks(
+    model: &Model,
+    named: &[Effect],
+    (best, also): (Option<&Found>, &[&Found]),
+    revealed: &[Effect],
+) -> String {
+    moved_together(best, also) + &added_to(model, named) + &estimated_with(revealed)
+}
+
+/// " com-offset and tracking-offset are one change of the craft, ..." A centre of mass that moves leaves the tracked point behind: two changes of the model, one of
+/// the craft.
+fn moved_together(best: Option<&Found>, also: &[&Found]) -> String {
+    let of = |effect: Effect| {
+        let finding =
+            best.into_iter().chain(also.iter().copied()).find(|(change, _)| change.effect == effect);
+        finding.map(|(_, finding)| finding.coefficients.as_slice())
+    };
+    let (Some(moved), Some(lever)) = (of(Effect::ComOffset), of(Effect::TrackingOffset)) else {
+        return String::new();
+    };
+    let stays = |(moved, lever): (&CoefficientFigures, &CoefficientFigures)| {
+        (moved.value + lever.value).abs() < SAME_ERRORS * moved.std_error.hypot(lever.std_error)
+    };
+    match moved.iter().zip(lever).all(stays) {
+        true => " com-offset and tracking-offset are one change of the craft: its centre of mass has moved, and the tracked point has stayed in place.".into(),
+        false => String::new(),
+    }
+}
+
+/// " The model has steady-wind already: the change is what is added to that."
+fn added_to(model: &Model, named: &[Effect]) -> String {
+    let known: Vec<Effect> = named.iter().copied().filter(|effect| model.has(*effect)).collect();
+    match known.as_slice() {
+        [] => String::new(),
+        known => {
+            format!(" The model has {} already: the change is what is added to that.", joined(known, " and "))
+        }
+    }
 }
 
 /// " quadratic-drag was estimated together with it, ..."

@@ -56,7 +56,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
         .map(|(i, &k)| {
             // What is uncertain in proportion to the size says nothing against there being a change.
             let std_error = total[(i, i)].max(0.0).sqrt().hypot(fitted.law_error * fitted.values[i]);
-            CoefficientFigures::new(&info.coefficients[k], fitted.values[i], std_error, model)
+            CoefficientFigures::of_change((change.effect, k), fitted.values[i], std_error, model)
         })
         .collect();
     finding.tracker_tilt_deg = changed_tilt_deg(model, &fitted.model, change.effect, flights);

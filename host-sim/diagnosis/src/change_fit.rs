@@ -50,7 +50,7 @@ const UNKNOWN_LAW: f64 = 0.45;
 pub(crate) struct Fitted {
     /// The model with the change, and with what it brought to light.
     pub(crate) model: Model,
-    /// The change's coefficients.
+    /// By how much the change's coefficients are more than the model's.
     pub(crate) values: DVector<f64>,
     /// Of the change's coefficients, whatever else was fitted.
     pub(crate) covariance: DMatrix<f64>,
@@ -107,17 +107,17 @@ pub(crate) fn is_beyond_flown(model: &Model, speed_m_s: f64) -> bool {
 
 /// Fits a change to flights with every coefficient of `model` as it is.
 pub(crate) fn fit_alone(model: &Model, change: Change, flights: &[&Prepared]) -> Result<Fitted, FitError> {
-    fit_jointly(model, &[change], flights)
+    fit_jointly((model, model), &[change], flights)
 }
 
-/// Fits several changes at once, from where `model` has them, with every coefficient of the model as it is. The values are those of one
-/// change after the other.
+/// Fits several changes of a model at once, from where another model has them, with every other coefficient of that as it is. The values
+/// are those of one change after the other.
 pub(crate) fn fit_jointly(
-    model: &Model,
+    (model, from): (&Model, &Model),
     changes: &[Change],
     flights: &[&Prepared],
 ) -> Result<Fitted, FitError> {
-    let mut changed = model.clone();
+    let mut changed = from.clone();
     for effect in changes.iter().map(|change| change.effect) {
         if !changed.has(effect) {
             changed.set(effect, &vec![0.0; effect.info().coefficients.len()]);
@@ -125,7 +125,7 @@ pub(crate) fn fit_jointly(
     }
     let changes = changes.to_vec();
     let first = changes[0];
-    let mut problem = ChangeFit { changes, revealed: Vec::new(), flights, changed, before: None };
+    let mut problem = ChangeFit { model, changes, revealed: Vec::new(), flights, changed, before: None };
     let solved = gauss_newton::solve(&mut problem, Rule::of_steps(MAX_STEPS))?;
     solved.map(|end| end.fitted).ok_or_else(|| not_converged(first))
 }
@@ -151,12 +151,12 @@ fn fit_together(
         }
         revealed.extend(Revealed::all(model, effect));
     }
-    let values = alone.model.term(change.effect).map_or_else(Vec::new, model::Term::values);
+    start = change.undone(&start, model);
     let attempt = |&(part, most_halvings): &(f64, usize)| {
         let mut changed = start.clone();
-        changed.set(change.effect, &values.iter().map(|v| part * v).collect::<Vec<_>>());
-        let mut problem =
-            ChangeFit { changes: vec![change], revealed: revealed.clone(), flights, changed, before: None };
+        change.add(&mut changed, (part * &alone.values).as_slice());
+        let (changes, revealed) = (vec![change], revealed.clone());
+        let mut problem = ChangeFit { model, changes, revealed, flights, changed, before: None };
         let worse = if most_halvings > 0 { WORSE } else { f64::INFINITY };
         let rule = Rule { most_halvings, worse, ..Rule::of_steps(MAX_STEPS_TOGETHER) };
         let end = gauss_newton::solve(&mut problem, rule).ok()??;
@@ -253,6 +253,8 @@ impl Revealed {
 
 /// A change that steps lead to what the flights show. Its parameters: what is fitted together with it, then its own.
 struct ChangeFit<'a> {
+    /// Without the changes.
+    model: &'a Model,
     changes: Vec<Change>,
     revealed: Vec<Revealed>,
     flights: &'a [&'a Prepared],
@@ -336,9 +338,9 @@ impl ChangeFit<'_> {
     fn fitted(&self, solution: &Solution) -> Fitted {
         let own = self.revealed.len();
         let free: Vec<(Effect, usize)> = self.free().collect();
-        let value = |(effect, k): &(Effect, usize)| self.values(*effect)[*k];
+        let size = |change: &Change| change.size(&self.changed, self.model);
         Fitted {
-            values: DVector::from_iterator(free.len(), free.iter().map(value)),
+            values: DVector::from_iterator(free.len(), self.changes.iter().flat_map(size)),
             model: self.changed.clone(),
             covariance: solution.covariance.view((own, own), (free.len(), free.len())).into_owned(),
             sigma: solution.sigma,
@@ -357,7 +359,8 @@ impl Problem for ChangeFit<'_> {
         let rows: Vec<FlightRows> = self.flights.iter().map(|flight| self.rows(flight, &effects)).collect();
         let known = |(effect, k): (Effect, usize)| {
             let prior = effect.info().coefficients[k].prior;
-            prior.map(|deviation| Prior { expected: -self.values(effect)[k], deviation })
+            let before = self.model.term(effect).map_or(0.0, |term| term.coefficients[k].value);
+            prior.map(|deviation| Prior { expected: before - self.values(effect)[k], deviation })
         };
         let together = self.revealed.iter().map(|revealed| revealed.prior(&self.changed));
         let priors = together.chain(self.free().map(known)).collect();

@@ -8,7 +8,7 @@ use model::{Effect, Model};
 use sysid::has_rotation;
 use sysid::prepare::Prepared;
 
-use crate::change::{ALL_ROTORS, Change, HEAVIER};
+use crate::change::{ALL_ROTORS, Change, HEAVIER, WIND};
 use crate::change_challenge::{challenge, take_challenge};
 use crate::change_examined::examine;
 use crate::change_fit::{fit_change, is_beyond_flown};
@@ -84,8 +84,7 @@ pub(crate) fn mark_rivals(
 /// Whether a shifted centre of mass may be the moment of a wind that is stronger than the air was in the model's flights: of what the air
 /// does to rotors and body at such speeds, the model knows nothing.
 fn is_moment_of_wind(model: &Model, with: &Model, change: Change) -> bool {
-    let wind = with.term(Effect::SteadyWind).filter(|_| !model.has(Effect::SteadyWind));
-    let speed_m_s = wind.map_or(0.0, |term| term.values().iter().map(|v| v * v).sum::<f64>().sqrt());
+    let speed_m_s = WIND.size(with, model).iter().map(|v| v * v).sum::<f64>().sqrt();
     change.effect == Effect::ComOffset && speed_m_s > 0.0 && is_beyond_flown(model, speed_m_s)
 }
 
@@ -246,6 +245,28 @@ mod tests {
         let rotors = diagnosis.effects.iter().find(|f| f.effect == ALL_ROTORS.effect && f.motor.is_none());
         let reason = &rotors.unwrap().reason;
         assert!(matches!(reason, Reason::ExplainsLess { than: HEAVIER, .. }), "{reason}");
+    }
+
+    /// The model was fitted in a wind, and knows it.
+    #[test]
+    fn another_wind_than_the_models_is_a_change_by_what_is_added_to_it() {
+        let (mut model, mut world) = (truth(), truth());
+        model.set(Effect::SteadyWind, &[0.8, -0.4]);
+        world.set(Effect::SteadyWind, &[-0.2, 0.3]);
+        world.set(Effect::MassChange, &[0.1]);
+        let flights = lively(&world);
+        let flights: Vec<&Prepared> = flights.iter().collect();
+        let diagnosis = changed(&model, &Change::all(&model), &flights, &Silent).unwrap();
+        let size = |effect: Effect| {
+            let found = diagnosis.effects.iter().find(|f| f.effect == effect && f.supported).unwrap();
+            found.coefficients.iter().map(|c| c.value).collect::<Vec<_>>()
+        };
+        let (wind, mass) = (size(Effect::SteadyWind), size(Effect::MassChange));
+        assert!((wind[0] + 1.0).abs() < 0.05 && (wind[1] - 0.7).abs() < 0.05, "{wind:?}");
+        assert!((mass[0] - 0.1).abs() < 0.003, "{mass:?}");
+        assert!(diagnosis.summary.contains(" The model has steady-wind already"), "{}", diagnosis.summary);
+        let with = diagnosis.with_changes.as_ref().unwrap().term(Effect::SteadyWind).unwrap().values();
+        assert!((with[0] + 0.2).abs() < 0.05 && (with[1] - 0.3).abs() < 0.05, "{with:?}");
     }
 
     /// By one change at a time, these are a moved centre of mass and more mass.

@@ -14,6 +14,8 @@ pub(crate) type Found = (Change, EffectFinding);
 /// Changes that happened together, fitted one on top of the other.
 #[derive(Debug, Clone)]
 pub(crate) struct Together {
+    /// The model without them.
+    pub(crate) before: Model,
     /// The model with them.
     pub(crate) model: Model,
     /// The changes, best first.
@@ -27,7 +29,8 @@ pub(crate) struct Together {
 impl Together {
     /// No change.
     pub(crate) fn none(model: &Model) -> Self {
-        Self { model: model.clone(), changes: Vec::new(), revealed: Vec::new(), std_errors: Vec::new() }
+        let (before, model) = (model.clone(), model.clone());
+        Self { before, model, changes: Vec::new(), revealed: Vec::new(), std_errors: Vec::new() }
     }
 
     /// Several, each on top of those before it.
@@ -50,7 +53,7 @@ impl Together {
         if self.changes.len() < 2 {
             return self;
         }
-        match fit_jointly(&self.model, &self.changes, flights) {
+        match fit_jointly((&self.before, &self.model), &self.changes, flights) {
             Ok(fitted) => self.fitted_as(&fitted),
             Err(_) => self,
         }
@@ -69,14 +72,12 @@ impl Together {
             return;
         }
         for (change, place) in places(&self.changes) {
-            let (Some((_, finding)), Some(term)) =
-                (findings.iter_mut().find(|(other, _)| *other == change), self.model.term(change.effect))
-            else {
+            let Some((_, finding)) = findings.iter_mut().find(|(other, _)| *other == change) else {
                 continue;
             };
-            for ((coefficient, k), i) in finding.coefficients.iter_mut().zip(change.coefficients()).zip(place)
-            {
-                coefficient.value = term.coefficients[k].value;
+            let size = change.size(&self.model, &self.before);
+            for ((coefficient, size), i) in finding.coefficients.iter_mut().zip(size).zip(place) {
+                coefficient.value = size;
                 // By itself, a change has the scatter between flights in its errors, but not what it shares with others.
                 let own = self.std_errors.get(i).copied().unwrap_or(0.0);
                 coefficient.std_error = coefficient.std_error.max(own);

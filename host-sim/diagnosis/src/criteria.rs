@@ -41,6 +41,10 @@ const CONTRADICTION: f64 = 0.01;
 const DEEPEST_M: f64 = 1.0;
 /// A coefficient is impossible that lies this many standard errors outside its range: what 95 % intervals allow.
 const IMPOSSIBLE_ERRORS: f64 = 2.0;
+/// The same beside a possible coefficient of the effect that is firm, and from how many standard errors off zero on it is: a craft with
+/// quadratic drag along its arms and none along its axis is as likely as not to have a little of the wrong sign there.
+const IMPOSSIBLE_ERRORS_BESIDE: f64 = 4.0;
+const FIRM_ERRORS: f64 = 10.0;
 
 /// Residual variance over that of the sensors' noise from which on something is missing. Complete models scatter from
 /// 0.8 to 1.25 on two flights of 24 s.
@@ -256,7 +260,7 @@ pub(crate) const RULES: &[Rule] = &[
         figures: |e| {
             let has_range = e.has_rotor_map || !e.effect().info().is_in_rotor_speed();
             let distances = e.coefficients().map(|(c, _, error)| beyond(c, error));
-            has_range.then(|| (distances.fold(0.0, f64::max), IMPOSSIBLE_ERRORS))
+            has_range.then(|| (distances.fold(0.0, f64::max), most_beyond(e)))
         },
         objection: |e, _, most| impossible(e, most),
     },
@@ -353,6 +357,14 @@ fn not_borne_out(evidence: &Evidence<'_>, p_value: Option<f64>) -> Reason {
 fn beyond(figures: &CoefficientFigures, std_error: f64) -> f64 {
     let (low, high) = figures.possible;
     (low - figures.value).max(figures.value - high).max(0.0) / std_error.max(f64::MIN_POSITIVE)
+}
+
+/// How far a coefficient may lie outside its range, in standard errors.
+fn most_beyond(evidence: &Evidence<'_>) -> f64 {
+    let is_firm = |(figures, _, error): (&CoefficientFigures, &model::Coefficient, f64)| {
+        beyond(figures, error) == 0.0 && figures.value.abs() > FIRM_ERRORS * error
+    };
+    if evidence.coefficients().any(is_firm) { IMPOSSIBLE_ERRORS_BESIDE } else { IMPOSSIBLE_ERRORS }
 }
 
 fn no_anchor(evidence: &Evidence<'_>) -> Reason {
@@ -495,6 +507,27 @@ mod tests {
         assert!(at(51.0) && at(-51.0) && !at(51.01) && !at(-51.01));
         let impossible = refused(|f| f.coefficients[0].value = 60.0);
         assert!(matches!(impossible, Reason::Impossible { value: 60.0, possible: (-50.0, 50.0), .. }));
+    }
+
+    /// Quadratic drag: no more than zero is possible.
+    #[test]
+    fn beside_a_firm_coefficient_it_may_be_four() {
+        let at = |[along_arms, along_axis]: [f64; 2]| {
+            let effect = Effect::QuadraticDrag;
+            let figures = |(c, value): (&'static model::Coefficient, f64)| CoefficientFigures {
+                name: c.name,
+                value,
+                std_error: 0.001,
+                unit: c.unit,
+                possible: c.possible,
+            };
+            let coefficients = effect.info().coefficients.iter().zip([along_arms, along_axis]);
+            let finding =
+                EffectFinding { effect, coefficients: coefficients.map(figures).collect(), ..heavier() };
+            weighed(&finding, Asked::Missing).0
+        };
+        assert!(at([-0.0101, 0.004]) && !at([-0.0099, 0.004]) && !at([-0.0101, 0.0041]));
+        assert!(at([-0.0099, 0.002]) && !at([0.02, 0.003]), "what is impossible itself is not firm");
     }
 
     #[test]

@@ -55,6 +55,14 @@ impl CoefficientFigures {
         let possible = coefficient.possible_for(model.vehicle.arm_length);
         Self { name: coefficient.name, value, std_error, unit, possible }
     }
+
+    /// By how much a coefficient of an effect has changed since the model was fitted. What is possible of that depends on the model's own.
+    pub(crate) fn of_change((effect, k): (Effect, usize), size: f64, std_error: f64, model: &Model) -> Self {
+        let own = model.term(effect).map_or(0.0, |term| term.coefficients[k].value);
+        let figures = Self::new(&effect.info().coefficients[k], size, std_error, model);
+        let (low, high) = figures.possible;
+        Self { possible: (low - own, high - own), ..figures }
+    }
 }
 
 /// The place where a cable would end.

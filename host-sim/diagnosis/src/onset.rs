@@ -37,12 +37,8 @@ pub(crate) fn onset(
 
 /// The model with a change of the given size.
 fn with(model: &Model, change: Change, size: &[f64]) -> Model {
-    let mut values = vec![0.0; change.effect.info().coefficients.len()];
-    for (k, value) in change.coefficients().into_iter().zip(size) {
-        values[k] = *value;
-    }
     let mut changed = model.clone();
-    changed.set(change.effect, &values);
+    change.add(&mut changed, size);
     changed
 }
 

@@ -84,6 +84,36 @@ fn units_without_a_motor_map_are_those_of_commands() {
     assert_eq!(written.collect::<Vec<_>>(), expected);
 }
 
+/// A model with 5 % more thrust and a wind, of which the flights have neither: since then the craft is heavier, and the wind is gone.
+#[test]
+fn the_page_of_changes_draws_each_beside_all_others() {
+    let folder = copies();
+    done_in(folder.path(), &with_sets(&["identify", "--vehicle", "vehicle.toml", "--out", "model.toml"]));
+    let path = folder.path().join("model.toml");
+    let mut model = Model::read(&path).unwrap();
+    let thrust = model.term(Effect::Thrust).unwrap().values()[0];
+    model.set(Effect::Thrust, &[1.05 * thrust]);
+    model.set(Effect::SteadyWind, &[0.5, 0.0]);
+    model.correlation = None;
+    std::fs::write(&path, model.to_toml()).unwrap();
+    let changed = ["diagnose", "--model", "model.toml", "--changed", "D.csv", "E.csv", "--html", "page.html"];
+    let out = done_in(folder.path(), &changed);
+    assert!(out.contains("steady-wind") && out.contains("mass-change"), "{out}");
+    let page = std::fs::read_to_string(folder.path().join("page.html")).unwrap();
+    for said in [
+        "The changes: steady-wind and mass-change",
+        "All other coefficients of the model stay as they were fitted.",
+        "With and without steady-wind",
+        "With and without mass-change",
+        "and &quot;without it&quot; is the same model without this one.",
+        "With all of them, the error falls in each of these flights.",
+        "What else mass-change could be",
+    ] {
+        assert!(page.contains(said), "{said}");
+    }
+    assert!(!page.contains("estimated together with it"), "neither brings anything else to light");
+}
+
 #[test]
 fn identify_finds_what_the_simulated_craft_has() {
     let folder = copies();

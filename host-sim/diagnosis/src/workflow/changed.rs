@@ -1,8 +1,8 @@
 //! The model was good once: what has changed since? And why, or why not, one change?
 
 use model::{Effect, Model};
-use sysid::Reference;
 use sysid::checks::vehicle::Likeness;
+use sysid::{FaultKind, Reference};
 
 use crate::change::{Change, WIND};
 use crate::change_evidence::changes_of;
@@ -23,7 +23,16 @@ pub fn changed(
     observer: &dyn Observer,
 ) -> Result<Diagnosis, WorkflowError> {
     hold_against(model, effects, flights, observer)?;
-    search(model, &options.changes(model), flights, observer)
+    let tried = told_by(flights, options).changes(model);
+    search(model, &tried, flights, observer)
+}
+
+/// Without what only commands between the logged ones would tell, where these were logged less often than they were given.
+fn told_by(flights: &FlightsOfOneKind, options: &Options) -> Options {
+    match flights.faults.has(FaultKind::UnderSampled) {
+        true => options.without_quick(),
+        false => options.clone(),
+    }
 }
 
 /// Searches flights whose clocks are set, and leaves them in the winds in which the answer was found.
@@ -43,7 +52,7 @@ fn search(
     let mut in_own_winds = in_winds(flights)?;
     if is_better(&in_own_winds, &found) {
         own_winds.correct(&mut in_own_winds);
-        flights.tell_own_winds(&in_own_winds);
+        flights.tell_own_winds(model, &in_own_winds);
         return Ok(in_own_winds);
     }
     flights.forget_own_winds();
@@ -61,6 +70,7 @@ pub fn changed_why(
 ) -> Result<WhyChanged, WorkflowError> {
     hold_against(model, effects, flights, observer)?;
     let of_why = |why, flights: &FlightsOfOneKind| WorkflowError::of_why(why, names(&flights.flights));
+    let options = &told_by(flights, options);
     let (tried, _) = changes_of(model, effect, options).map_err(|why| of_why(why, flights))?;
     let diagnosis = search(model, &tried, flights, observer)?;
     why_changed(model, (effect, diagnosis), &flights.prepared(), options).map_err(|why| of_why(why, flights))
@@ -72,7 +82,9 @@ fn hold_against(
     flights: &mut FlightsOfOneKind,
     observer: &dyn Observer,
 ) -> Result<(), WorkflowError> {
-    flights.hold_against(model, effects, (Likeness::CHANGED, Reference::Flights), observer)
+    flights.hold_against(model, effects, (Likeness::CHANGED, Reference::Flights), observer)?;
+    flights.faults.add_of_commands(flights.flights.iter());
+    Ok(())
 }
 
 #[cfg(test)]
@@ -80,7 +92,6 @@ mod tests {
     use std::sync::Mutex;
 
     use super::*;
-    use sysid::FaultKind;
 
     use crate::observer::Progress;
     use crate::testing::{ORDINARY, fly, truth};

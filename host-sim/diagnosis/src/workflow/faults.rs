@@ -135,13 +135,19 @@ impl Faults {
                 Fault { flight, ..Fault::of_all(kind, severity, sentence) },
             );
         }
-        let thinnings: Vec<_> = train.iter().chain(validate).map(|flight| flight.thinning).collect();
-        let of_commands = under_sampled::of_flights(&thinnings)
-            .map(|sentence| Fault::of_all(FaultKind::UnderSampled, Severity::Warning, sentence));
-        for fault in vehicle::of_set(&prepared(train), &prepared(validate)).into_iter().chain(of_commands) {
+        self.add_of_commands(train.iter().chain(validate));
+        for fault in vehicle::of_set(&prepared(train), &prepared(validate)) {
             self.add("flights", fault);
         }
         Ok(())
+    }
+
+    /// Commands that were logged less often than they were given.
+    pub(crate) fn add_of_commands<'a>(&mut self, flights: impl Iterator<Item = &'a LoadedFlight>) {
+        let thinnings: Vec<_> = flights.map(|flight| flight.thinning).collect();
+        if let Some(sentence) = under_sampled::of_flights(&thinnings) {
+            self.add("flights", Fault::of_all(FaultKind::UnderSampled, Severity::Warning, sentence));
+        }
     }
 
     /// Flights to judge by that the model was fitted on.

@@ -5,7 +5,7 @@
 //! that is sure of itself and wrong. So what each flight's wind differs from their mean by is given to the flight, and the change is
 //! the mean.
 
-use model::{Axis, Model};
+use model::{Axis, Model, Term};
 use nalgebra::Vector3;
 use report::number::fixed;
 use sysid::fit::linearise::squares_left;
@@ -111,10 +111,12 @@ impl FlightsOfOneKind {
     }
 
     /// Says the wind of each flight: the mean that was found, and what the flight's differs from it by.
-    pub(crate) fn tell_own_winds(&mut self, diagnosis: &Diagnosis) {
-        let mean = wind_of(diagnosis).map_or([0.0; 2], |finding| {
-            let value = |k: usize| finding.coefficients.get(k).map_or(0.0, |c| c.value);
-            [value(0), value(1)]
+    pub(crate) fn tell_own_winds(&mut self, model: &Model, diagnosis: &Diagnosis) {
+        let before = model.term(WIND.effect).map_or_else(Vec::new, Term::values);
+        let finding = wind_of(diagnosis);
+        let mean = [0, 1].map(|k| {
+            let change = finding.and_then(|finding| finding.coefficients.get(k)).map_or(0.0, |c| c.value);
+            before.get(k).unwrap_or(&0.0) + change
         });
         let winds: Vec<String> = self
             .flights
@@ -125,7 +127,7 @@ impl FlightsOfOneKind {
             })
             .collect();
         let sentence = format!(
-            "each has a wind of its own, of which the change is the mean: in m/s, {}",
+            "each has a wind of its own, and their mean is the wind that was found: in m/s, {}",
             winds.join(", ")
         );
         self.faults.add("flights", Fault::of_all(FaultKind::WindBetweenFlights, Severity::Warning, sentence));
@@ -266,7 +268,7 @@ mod tests {
         let figures = |(value, c)| CoefficientFigures::new(c, value, 0.1, &truth());
         wind.coefficients =
             [3.0, -1.0].into_iter().zip(Effect::SteadyWind.info().coefficients).map(figures).collect();
-        held.tell_own_winds(&diagnosis(vec![wind], Vec::new()));
+        held.tell_own_winds(&truth(), &diagnosis(vec![wind], Vec::new()));
         let told =
             held.faults.listed().iter().find(|l| l.fault.kind == FaultKind::WindBetweenFlights).unwrap();
         assert!(

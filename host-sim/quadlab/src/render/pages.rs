@@ -2,7 +2,7 @@
 
 use diagnosis::workflow::{Explanation, Faults, FlightSets, FlightsOfOneKind, LoadedFlight};
 use diagnosis::{Change, Diagnosis, EffectFinding};
-use model::{AXES, Axis, Effect, Model};
+use model::{AXES, Axis, Effect, Model, Term};
 use report::{Page, Section};
 use sysid::{Comparison, Prepared};
 
@@ -193,7 +193,8 @@ pub(crate) fn changed(model: &Model, flights: &[LoadedFlight], diagnosis: &Diagn
     let mut page = Page::new("What has changed?", diagnosis.summary.clone());
     let named: Vec<&EffectFinding> = diagnosis.effects.iter().filter(|finding| finding.supported).collect();
     if let Some(with) = &diagnosis.with_changes {
-        page = page.section(sizes(diagnosis, &named));
+        let changes: Vec<Effect> = named.iter().map(|finding| finding.effect).collect();
+        page = page.section(sizes(diagnosis, &named, &estimated_anew((model, with), &changes)));
         for finding in &named {
             page = page.section(of_change(model, with, finding, (&flights, named.len() > 1)));
         }
@@ -213,12 +214,29 @@ fn acts_on(finding: &EffectFinding, axis: Axis) -> bool {
     finding.effect.info().axes.contains(&axis)
 }
 
-fn sizes(diagnosis: &Diagnosis, named: &[&EffectFinding]) -> Section {
+fn sizes(diagnosis: &Diagnosis, named: &[&EffectFinding], estimated_anew: &[Effect]) -> Section {
     let names: Vec<String> = named.iter().map(|finding| tables::named(finding)).collect();
     let title = if names.len() == 1 { "The change" } else { "The changes" };
     Section::new(format!("{title}: {}", names.join(" and ")))
         .grid(&tables::change(diagnosis))
-        .paragraph("All other coefficients of the model stay as they were fitted.")
+        .paragraph(others_stay(estimated_anew))
+}
+
+/// Effects of the model that have other coefficients in the model with the changes and are none of them.
+fn estimated_anew((model, with): (&Model, &Model), changes: &[Effect]) -> Vec<Effect> {
+    let values = |of: &Model, effect: Effect| of.term(effect).map(Term::values);
+    let differs =
+        |effect: &Effect| !changes.contains(effect) && values(model, *effect) != values(with, *effect);
+    with.effects().into_iter().filter(differs).collect()
+}
+
+fn others_stay(estimated_anew: &[Effect]) -> String {
+    let stay = "All other coefficients of the model stay as they were fitted.";
+    let names: Vec<&str> = estimated_anew.iter().map(|effect| effect.info().id).collect();
+    match names.as_slice() {
+        [] => stay.into(),
+        names => format!("Coefficients of {} were estimated together with it. {stay}", names.join(" and ")),
+    }
 }
 
 /// What a change does, in figures: the model with all changes that were found against the same model without this one.
@@ -371,4 +389,24 @@ fn flights(sets: &FlightSets, model: &Model) -> Section {
 
 fn listed(flights: &[LoadedFlight]) -> String {
     flights.iter().map(|f| f.prepared.name.as_str()).collect::<Vec<_>>().join(", ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A wind that brought the drag in it to light.
+    #[test]
+    fn what_was_estimated_together_with_a_change_has_not_stayed() {
+        let (model, mut with) = (Model::thesis(), Model::thesis());
+        with.set(Effect::SteadyWind, &[4.0, 0.0]);
+        let drag: Vec<f64> = model.term(Effect::LinearDrag).unwrap().values();
+        with.set(Effect::LinearDrag, &drag.iter().map(|c| 1.2 * c).collect::<Vec<_>>());
+        with.set(Effect::QuadraticDrag, &[-0.1, 0.0]);
+        let anew = estimated_anew((&model, &with), &[Effect::SteadyWind]);
+        assert_eq!(anew, [Effect::LinearDrag, Effect::QuadraticDrag]);
+        let said = "Coefficients of linear-drag and quadratic-drag were estimated together with it. All other coefficients";
+        assert!(others_stay(&anew).starts_with(said), "{}", others_stay(&anew));
+        assert!(others_stay(&[]).starts_with("All other coefficients"));
+    }
 }
