@@ -83,7 +83,7 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
     let (verdict, verdicts) = verdicts_of_change(model, (&named, &unexplained), visible_loss.is_some());
     let subject = best.filter(|_| !also.is_empty()).map(|(change, _)| *change);
     let began = since.as_ref().map_or_else(String::new, |since| beginning(subject, since));
-    let rest = if best.is_some() { not_all(&unexplained) } else { String::new() };
+    let rest = if best.is_some() { not_all(&named, &unexplained) } else { String::new() };
     let (verdict, verdicts, unknown) = by_its_own_flights(model, (verdict, verdicts), unknown);
     Diagnosis {
         verdict,
@@ -193,10 +193,15 @@ fn not_understood(model: &Model) -> String {
 }
 
 /// " This is not all: the residual of r has ..." Where little is left, the table says so.
-fn not_all(left: &[Unexplained]) -> String {
+fn not_all(named: &[Effect], left: &[Unexplained]) -> String {
     let most = left.iter().max_by(|a, b| a.share_percent.total_cmp(&b.share_percent));
-    most.filter(|most| most.share_percent >= LARGE_PERCENT)
-        .map_or_else(String::new, |most| format!(" This is not all: {}.", unaccounted(most)))
+    let Some(most) = most.filter(|most| most.share_percent >= LARGE_PERCENT) else { return String::new() };
+    // The change is one of the thrust, whose part of the moment about the axis of a rotor is none.
+    let of_torque = match most.axis == Axis::R && named.contains(&Effect::MotorEfficiency) {
+        true => " A damaged propeller also has another drag torque, which turns the craft in yaw.",
+        false => "",
+    };
+    format!(" This is not all: {}.{of_torque}", unaccounted(most))
 }
 
 /// What is to be known of the changes that are named.
@@ -385,6 +390,16 @@ mod tests {
 
     fn answer(findings: Vec<Found>, p_value: f64) -> Answer {
         Answer { findings, p_value, most: (Axis::P, 62.0), visible_loss: 0.0643, since: None }
+    }
+
+    #[test]
+    fn yaw_that_is_left_beside_a_weak_motor_may_be_its_propellers_torque() {
+        let left = |axis| {
+            [Unexplained { axis, depends_on: Dependence::Constant, share_percent: 80.0, p_value: 0.0 }]
+        };
+        let said = |named, axis| not_all(&[named], &left(axis)).contains("another drag torque");
+        assert!(said(Effect::MotorEfficiency, Axis::R));
+        assert!(!said(Effect::MotorEfficiency, Axis::P) && !said(Effect::ComOffset, Axis::R));
     }
 
     /// The thesis' model, with these errors on held-out flights.

@@ -31,6 +31,7 @@ mod hidden;
 mod late_attitude;
 mod low_frequency;
 mod mending;
+mod motor_answers;
 mod noise;
 mod not_logged;
 mod observer;

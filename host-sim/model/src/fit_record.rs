@@ -80,6 +80,9 @@ pub struct FitRecord {
     /// there are fewer than two flights.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub balance: Option<BalanceRecord>,
+    /// How each motor answered its commands, in flights with rotor speeds and a motor map. Empty where fewer than three tell it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub motor_answers: Vec<MotorAnswer>,
     /// Dead time in s that flights of commands show beyond the model's own: their clocks are counted from it. Absent where
     /// rotor speeds were measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -96,6 +99,22 @@ pub struct FitRecord {
     /// What a refinement on open-loop predictions came to, where one was tried.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refinement: Option<RefinementRecord>,
+}
+
+/// How a motor answered its commands in the flights of a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotorAnswer {
+    /// Mean speed over what the motor map says.
+    pub speed_ratio: f64,
+    /// By how much that of a new flight deviates.
+    pub speed_ratio_deviation: f64,
+    /// Time constant, s. Absent where the commands hardly moved.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_constant_s: Option<f64>,
+    /// By how much that of a new flight deviates, s.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub time_constant_deviation_s: Option<f64>,
 }
 
 /// A refinement on open-loop predictions.

@@ -329,8 +329,8 @@ mod tests {
     use super::*;
     use crate::axis::PerAxis;
     use crate::fit_record::{
-        AxisError, BalanceRecord, BalanceRow, ChangeScatter, FlightRecord, FlightRole, OpenLoopSums,
-        RefinementRecord,
+        AxisError, BalanceRecord, BalanceRow, ChangeScatter, FlightRecord, FlightRole, MotorAnswer,
+        OpenLoopSums, RefinementRecord,
     };
     use crate::model::coefficient_names;
     use crate::verdict::{Group, NotIdentified, PerGroup, Verdict};
@@ -376,6 +376,15 @@ mod tests {
                 pitch: BalanceRow { between: 0.2 / 3.0, ..BalanceRow::default() },
                 yaw: BalanceRow { within: 1e-300, ..BalanceRow::default() },
             }),
+            motor_answers: vec![
+                MotorAnswer {
+                    speed_ratio: 0.99,
+                    speed_ratio_deviation: 0.004,
+                    time_constant_s: Some(0.047),
+                    time_constant_deviation_s: Some(0.001),
+                },
+                MotorAnswer { speed_ratio: 1.01, speed_ratio_deviation: 0.0, ..MotorAnswer::default() },
+            ],
             rotor_delay_s: Some(0.1 / 3.0),
             rotation_refused: vec!["C2_q = -3".into()],
             not_identified: vec![

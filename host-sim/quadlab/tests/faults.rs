@@ -15,6 +15,7 @@ const Y: usize = 2;
 const PHI: usize = 4;
 const P: usize = 7;
 const CMD1: usize = 10;
+const VBAT: usize = 14;
 
 /// Changes the table of a flight file; the first row of `edit` is the first after the header.
 fn edit(path: &Path, edit: impl Fn(&mut Vec<Vec<f64>>)) {
@@ -177,6 +178,50 @@ fn flights_of_another_craft_are_told() {
     assert_told(folder.path(), &with_sets(&["diagnose", "--model", "model.toml"]), "other-vehicle", said);
     let changed = ["diagnose", "--model", "model.toml", "--changed", "D.csv", "E.csv"];
     assert_told(folder.path(), &changed, "other-vehicle", "the thrust is 100 % above the model's");
+}
+
+/// Adds to a simulated flight the rotor speeds that it was flown with, from the motor map and the lag of vehicle.toml, and then lowers the
+/// commands: the motors turn faster than these say.
+fn with_rotor_speeds(path: &Path, commands_lower_by: f64) {
+    edit(path, |rows| {
+        let mut speeds = [f64::NAN; 4];
+        for k in 0..rows.len() {
+            let decay = if k == 0 { 0.0 } else { (-21.5 * (rows[k][0] - rows[k - 1][0])).exp() };
+            let before = rows[k.saturating_sub(1)].clone();
+            for (motor, speed) in speeds.iter_mut().enumerate() {
+                let steady = 0.785 * before[CMD1 + motor] + 44.6505 * before[VBAT] - 1205.1;
+                *speed = if k == 0 { steady } else { steady + (*speed - steady) * decay };
+            }
+            rows[k].extend(speeds);
+        }
+        rows.iter_mut().for_each(|row| row[CMD1..CMD1 + 4].iter_mut().for_each(|c| *c -= commands_lower_by));
+    });
+    let text = std::fs::read_to_string(path).unwrap();
+    std::fs::write(path, text.replacen(",vbat", ",vbat,omega1,omega2,omega3,omega4", 1)).unwrap();
+}
+
+/// 0.785 rad/s times 30 us are 23.6 rad/s, which is 3.8 % of the 620 rad/s that the lowered commands ask for.
+#[test]
+fn motors_that_turn_faster_at_the_same_command_are_told() {
+    let folder = copies();
+    for name in ["A.csv", "B.csv", "C.csv", "D.csv", "E.csv"] {
+        with_rotor_speeds(&folder.path().join(name), 0.0);
+    }
+    let other = copies();
+    let names = ["D.csv", "E.csv"];
+    for name in names {
+        with_rotor_speeds(&other.path().join(name), 30.0);
+        std::fs::copy(other.path().join(name), folder.path().join(format!("later-{name}"))).unwrap();
+    }
+    identify(folder.path());
+    let changed = ["diagnose", "--model", "model.toml", "--changed"];
+    let same: Vec<&str> = changed.into_iter().chain(names).collect();
+    let (document, _) = told(folder.path(), &same);
+    assert!(!kinds(&document).iter().any(|kind| kind == "motor-answers"), "{}", document["faults"]);
+    let later: Vec<&str> = changed.into_iter().chain(["later-D.csv", "later-E.csv"]).collect();
+    let said = "flights: all turn 3.8 % faster";
+    let document = assert_told(folder.path(), &later, "motor-answers", said);
+    assert!(document["summary"].as_str().unwrap().contains(said), "{}", document["summary"]);
 }
 
 #[test]

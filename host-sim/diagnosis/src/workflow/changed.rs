@@ -1,11 +1,14 @@
 //! The model was good once: what has changed since? And why, or why not, one change?
 
+use std::fmt::Write;
+
 use model::{Effect, Model};
 use sysid::checks::vehicle::Likeness;
-use sysid::{FaultKind, Reference};
+use sysid::{Fault, FaultKind, Reference, Severity};
 
 use crate::change::{Change, WIND};
 use crate::change_evidence::changes_of;
+use crate::motor_answers;
 use crate::observer::Observer;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
@@ -24,7 +27,13 @@ pub fn changed(
 ) -> Result<Diagnosis, WorkflowError> {
     hold_against(model, effects, flights, observer)?;
     let tried = told_by(flights, options).changes(model);
-    search(model, &tried, flights, observer)
+    let mut found = search(model, &tried, flights, observer)?;
+    if let Some(sentence) = motor_answers::changed(model, &flights.prepared()) {
+        let but = if found.best().is_some() { "Also," } else { "But" };
+        let _ = write!(found.summary, " {but} {sentence}.");
+        flights.faults.add("flights", Fault::of_all(FaultKind::MotorAnswers, Severity::Warning, sentence));
+    }
+    Ok(found)
 }
 
 /// Without what only commands between the logged ones would tell, where these were logged less often than they were given.

@@ -4,6 +4,7 @@ use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model};
 use sysid::{Prepared, Residuals};
 
 use crate::change_scatter::scatter;
+use crate::motor_answers;
 use crate::unidentified::unidentified;
 use crate::workflow::loaded::LoadedFlight;
 use crate::workflow::sets::FlightSets;
@@ -28,6 +29,7 @@ impl FlightSets {
                 model,
                 all.iter().copied().zip(fitted.iter().chain(&held_out)),
             ),
+            motor_answers: motor_answers::record(model, &all),
             rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &train),
             rotation_refused,
             not_identified,

@@ -61,6 +61,8 @@ pub enum FaultKind {
     DerivedRates,
     /// Commands that change between two rows of the log.
     UnderSampled,
+    /// Motors that answer their commands in another way than in the flights of the model.
+    MotorAnswers,
     /// Commands that were rounded to coarse steps.
     CoarseCommands,
     /// Columns that were not logged, and what stands in for them.
@@ -111,6 +113,7 @@ impl FaultKind {
             Self::Interpolated => "interpolated",
             Self::DerivedRates => "derived-rates",
             Self::UnderSampled => "under-sampled",
+            Self::MotorAnswers => "motor-answers",
             Self::CoarseCommands => "coarse-commands",
             Self::NotLogged => "not-logged",
             Self::NoPosition => "no-position",
@@ -468,7 +471,7 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 25] = [
+    const KINDS: [FaultKind; 26] = [
         FaultKind::GyroFault,
         FaultKind::AccelerometerFault,
         FaultKind::CoarseCommands,
@@ -486,6 +489,7 @@ mod tests {
         FaultKind::Interpolated,
         FaultKind::DerivedRates,
         FaultKind::UnderSampled,
+        FaultKind::MotorAnswers,
         FaultKind::WindBetweenFlights,
         FaultKind::WanderingWind,
         FaultKind::ImplausibleVehicle,

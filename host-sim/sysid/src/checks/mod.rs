@@ -21,6 +21,7 @@ mod leaning_attitude;
 mod linear_sensor;
 pub mod motors;
 pub mod overlap;
+pub mod rotor_response;
 mod tracker_tilt;
 mod tracks;
 pub mod under_sampled;
