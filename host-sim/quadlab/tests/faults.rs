@@ -200,7 +200,7 @@ fn with_rotor_speeds(path: &Path, commands_lower_by: f64) {
     std::fs::write(path, text.replacen(",vbat", ",vbat,omega1,omega2,omega3,omega4", 1)).unwrap();
 }
 
-/// 0.785 rad/s times 30 us are 23.6 rad/s, which is 3.8 % of the 620 rad/s that the lowered commands ask for.
+/// 0.785 rad/s times 30 us are 23.6 rad/s, which is 3.8 % of the 616 rad/s that the lowered commands ask for.
 #[test]
 fn motors_that_turn_faster_at_the_same_command_are_told() {
     let folder = copies();
