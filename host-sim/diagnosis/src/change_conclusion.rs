@@ -198,7 +198,9 @@ fn not_all(named: &[Effect], left: &[Unexplained]) -> String {
     let Some(most) = most.filter(|most| most.share_percent >= LARGE_PERCENT) else { return String::new() };
     // The change is one of the thrust, whose part of the moment about the axis of a rotor is none.
     let of_torque = match most.axis == Axis::R && named.contains(&Effect::MotorEfficiency) {
-        true => " A damaged propeller also has another drag torque, which turns the craft in yaw.",
+        true => {
+            " A damaged propeller is a possible cause: its drag torque need not fall in proportion to its thrust."
+        }
         false => "",
     };
     format!(" This is not all: {}.{of_torque}", unaccounted(most))
@@ -214,7 +216,7 @@ fn remarks(
     moved_together(best, also) + &added_to(model, named) + &estimated_with(revealed)
 }
 
-/// " com-offset and tracking-offset are one change of the craft, ..." A centre of mass that moves leaves the tracked point behind: two changes of the model, one of
+/// " com-offset and tracking-offset have the same cause, ..." A centre of mass that moves leaves the tracked point behind: two changes of the model, one of
 /// the craft.
 fn moved_together(best: Option<&Found>, also: &[&Found]) -> String {
     let of = |effect: Effect| {
@@ -229,18 +231,21 @@ fn moved_together(best: Option<&Found>, also: &[&Found]) -> String {
         (moved.value + lever.value).abs() < SAME_ERRORS * moved.std_error.hypot(lever.std_error)
     };
     match moved.iter().zip(lever).all(stays) {
-        true => " com-offset and tracking-offset are one change of the craft: its centre of mass has moved, and the tracked point has stayed in place.".into(),
+        true => " com-offset and tracking-offset have the same cause: the centre of mass has moved, and the tracked point has stayed where it was on the frame.".into(),
         false => String::new(),
     }
 }
 
-/// " The model has steady-wind already: the change is what is added to that."
+/// " The model already includes steady-wind: the size is the difference from the model's."
 fn added_to(model: &Model, named: &[Effect]) -> String {
     let known: Vec<Effect> = named.iter().copied().filter(|effect| model.has(*effect)).collect();
     match known.as_slice() {
         [] => String::new(),
         known => {
-            format!(" The model has {} already: the change is what is added to that.", joined(known, " and "))
+            format!(
+                " The model already includes {}: the size is the difference from the model's.",
+                joined(known, " and ")
+            )
         }
     }
 }
@@ -397,7 +402,7 @@ mod tests {
         let left = |axis| {
             [Unexplained { axis, depends_on: Dependence::Constant, share_percent: 80.0, p_value: 0.0 }]
         };
-        let said = |named, axis| not_all(&[named], &left(axis)).contains("another drag torque");
+        let said = |named, axis| not_all(&[named], &left(axis)).contains("its drag torque");
         assert!(said(Effect::MotorEfficiency, Axis::R));
         assert!(!said(Effect::MotorEfficiency, Axis::P) && !said(Effect::ComOffset, Axis::R));
     }

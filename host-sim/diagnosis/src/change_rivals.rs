@@ -264,7 +264,11 @@ mod tests {
         let (wind, mass) = (size(Effect::SteadyWind), size(Effect::MassChange));
         assert!((wind[0] + 1.0).abs() < 0.05 && (wind[1] - 0.7).abs() < 0.05, "{wind:?}");
         assert!((mass[0] - 0.1).abs() < 0.003, "{mass:?}");
-        assert!(diagnosis.summary.contains(" The model has steady-wind already"), "{}", diagnosis.summary);
+        assert!(
+            diagnosis.summary.contains(" The model already includes steady-wind: "),
+            "{}",
+            diagnosis.summary
+        );
         let with = diagnosis.with_changes.as_ref().unwrap().term(Effect::SteadyWind).unwrap().values();
         assert!((with[0] + 0.2).abs() < 0.05 && (with[1] - 0.3).abs() < 0.05, "{with:?}");
     }

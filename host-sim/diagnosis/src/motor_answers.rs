@@ -71,18 +71,19 @@ pub(crate) fn changed(model: &Model, flights: &[&Prepared]) -> Option<String> {
     said(&speeds, &lags)
 }
 
-/// "the motors do not answer their commands as in the model's flights: motor 2 follows within 69 ms (before: 46 ms); ..."
+/// "the motors respond to their commands differently than in the model's flights: motor 2 has a time constant of 69 ms (before: 46 ms); ..."
 fn said(speeds: &[(usize, f64)], lags: &[(usize, f64, f64)]) -> Option<String> {
     if speeds.is_empty() && lags.is_empty() {
         return None;
     }
-    let mut sentence = "the motors do not answer their commands as in the model's flights:".to_owned();
+    let mut sentence =
+        "the motors respond to their commands differently than in the model's flights:".to_owned();
     let turns = |percent: f64| if percent > 0.0 { "faster" } else { "slower" };
     let changes: Vec<f64> = speeds.iter().map(|(_, percent)| *percent).collect();
     let mut parts: Vec<String> = match are_alike(&changes) {
         true => {
             let mean = changes.iter().sum::<f64>() / changes.len() as f64;
-            vec![format!("all turn {} % {} at the same command", fixed(mean.abs(), 1), turns(mean))]
+            vec![format!("all motors turn {} % {} at the same command", fixed(mean.abs(), 1), turns(mean))]
         }
         false => speeds
             .iter()
@@ -98,7 +99,7 @@ fn said(speeds: &[(usize, f64)], lags: &[(usize, f64, f64)]) -> Option<String> {
     }));
     let _ = write!(
         sentence,
-        " {}; forces and moments are judged by the logged rotor speeds, which hide this; in simulation and design it counts",
+        " {}; the verdict is about forces and moments at the logged rotor speeds and does not cover this, but simulation and control design do depend on it",
         parts.join(", ")
     );
     Some(sentence)
@@ -126,7 +127,10 @@ mod tests {
     #[test]
     fn what_all_motors_do_is_said_once_and_what_one_does_of_that_one() {
         let all = said(&[(0, 3.9), (1, 4.1), (2, 4.0), (3, 4.0)], &[]).unwrap();
-        assert!(all.contains("flights: all turn 4.0 % faster at the same command; forces"), "{all}");
+        assert!(
+            all.contains("flights: all motors turn 4.0 % faster at the same command; the verdict"),
+            "{all}"
+        );
         let one = said(&[(2, -5.0)], &[(1, 0.0694, 0.0462)]).unwrap();
         let both = "motor 3 turns 5.0 % slower at the same command, motor 2 has a time constant of 69 ms (before: 46 ms);";
         assert!(one.contains(both), "{one}");

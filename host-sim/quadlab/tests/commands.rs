@@ -111,7 +111,7 @@ fn the_page_of_changes_draws_each_beside_all_others() {
     ] {
         assert!(page.contains(said), "{said}");
     }
-    assert!(!page.contains("estimated together with it"), "neither brings anything else to light");
+    assert!(!page.contains("estimated at the same time"), "neither brings anything else to light");
 }
 
 #[test]

@@ -219,7 +219,7 @@ fn motors_that_turn_faster_at_the_same_command_are_told() {
     let (document, _) = told(folder.path(), &same);
     assert!(!kinds(&document).iter().any(|kind| kind == "motor-answers"), "{}", document["faults"]);
     let later: Vec<&str> = changed.into_iter().chain(["later-D.csv", "later-E.csv"]).collect();
-    let said = "flights: all turn 3.8 % faster";
+    let said = "flights: all motors turn 3.8 % faster";
     let document = assert_told(folder.path(), &later, "motor-answers", said);
     assert!(document["summary"].as_str().unwrap().contains(said), "{}", document["summary"]);
 }

@@ -235,7 +235,7 @@ fn others_stay(estimated_anew: &[Effect]) -> String {
     let names: Vec<&str> = estimated_anew.iter().map(|effect| effect.info().id).collect();
     match names.as_slice() {
         [] => stay.into(),
-        names => format!("Coefficients of {} were estimated together with it. {stay}", names.join(" and ")),
+        names => format!("Coefficients of {} were estimated at the same time. {stay}", names.join(" and ")),
     }
 }
 
@@ -405,7 +405,7 @@ mod tests {
         with.set(Effect::QuadraticDrag, &[-0.1, 0.0]);
         let anew = estimated_anew((&model, &with), &[Effect::SteadyWind]);
         assert_eq!(anew, [Effect::LinearDrag, Effect::QuadraticDrag]);
-        let said = "Coefficients of linear-drag and quadratic-drag were estimated together with it. All other coefficients";
+        let said = "Coefficients of linear-drag and quadratic-drag were estimated at the same time. All other coefficients";
         assert!(others_stay(&anew).starts_with(said), "{}", others_stay(&anew));
         assert!(others_stay(&[]).starts_with("All other coefficients"));
     }
