@@ -288,6 +288,7 @@ impl<'a> Balance<'a> {
             asked: Asked::Changed,
             finding: &finding,
             std_errors: errors,
+            leaning: None,
             has_rotor_map: self.model.vehicle.has_rotor_map(),
         };
         let (supported, reason) = weigh(&evidence);

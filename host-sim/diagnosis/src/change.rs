@@ -39,8 +39,8 @@ impl Change {
             .filter(|effect| !model.has(*effect) || !effect.info().special.is_anchored)
             .filter(|effect| (effect.info().special.can_come_about)(&model.vehicle))
             .flat_map(|effect| {
-                let one_each = effect.info().special.one_per_rotor;
-                let motors = if one_each { [1, 2, 3, 4].map(Some).to_vec() } else { vec![None] };
+                let of_motors = effect.info().special.per_rotor > 0;
+                let motors = if of_motors { [1, 2, 3, 4].map(Some).to_vec() } else { vec![None] };
                 motors.into_iter().map(move |motor| Self { effect, motor })
             })
             .collect()
@@ -49,7 +49,11 @@ impl Change {
     /// Indices of the coefficients it frees.
     pub(crate) fn coefficients(self) -> Vec<usize> {
         match self.motor {
-            Some(motor) => vec![usize::from(motor) - 1],
+            Some(motor) => {
+                let each = self.effect.info().special.per_rotor;
+                let first = each * (usize::from(motor) - 1);
+                (first..first + each).collect()
+            }
             None => (0..self.effect.info().coefficients.len()).collect(),
         }
     }
@@ -88,7 +92,7 @@ impl fmt::Display for Change {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.motor {
             Some(motor) => write!(f, "{} of motor {motor}", self.effect),
-            None if self.effect.info().special.one_per_rotor => write!(f, "{} of all motors", self.effect),
+            None if self.effect.info().special.per_rotor > 0 => write!(f, "{} of all motors", self.effect),
             None => self.effect.fmt(f),
         }
     }

@@ -10,6 +10,7 @@ use report::number::{fixed, p_equation, percent, with_error};
 use crate::balance::Answer;
 use crate::change::Change;
 use crate::change_fit::is_beyond_flown;
+use crate::change_remarks::{alike, remarks};
 use crate::change_rivals::add_rotors_to;
 use crate::change_together::Found;
 use crate::criteria::STRUCTURE_SIGNIFICANCE;
@@ -21,8 +22,6 @@ use crate::unidentified::{recorded, verdicts_of_change};
 
 /// Share of an axis' squared error from which on the conclusion says what is left beside a change that was found, percent.
 const LARGE_PERCENT: f64 = 50.0;
-/// Standard errors within which a tracked point has stayed where it was.
-const SAME_ERRORS: f64 = 4.0;
 
 /// What the rows of every sample say.
 pub(crate) struct OfRows {
@@ -67,32 +66,32 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         }
     }
     findings.sort_by_key(|(_, finding)| !finding.supported);
+    lead_with_the_tilt(&mut findings);
     if let Some((best, finding)) = findings.first_mut().filter(|(_, finding)| !judged && finding.supported) {
         add_rotors_to(*best, finding);
     }
-    let best = findings.iter().find(|(_, finding)| finding.supported);
+    let (changed, of_alike) = named_of(&findings, &happened);
+    let (best, also) = (changed.first().copied(), &changed[1.min(changed.len())..]);
     let with_changes = best.map(|_| without_refused(model, with, &happened, &findings));
-    let also: Vec<&Found> = findings
-        .iter()
-        .filter(|(change, f)| f.supported && happened[1.min(happened.len())..].contains(change))
-        .collect();
-    let mut unexplained: Vec<Unexplained> =
-        shifted.filter(|_| best.is_none()).into_iter().map(shift_left).collect();
-    unexplained.extend(left);
-    let named: Vec<Effect> = best.into_iter().chain(also.iter().copied()).map(|(c, _)| c.effect).collect();
+    let unexplained: Vec<Unexplained> =
+        shifted.filter(|_| best.is_none()).into_iter().map(shift_left).chain(left).collect();
+    let named: Vec<Effect> = changed.iter().map(|(change, _)| change.effect).collect();
     let (verdict, verdicts) = verdicts_of_change(model, (&named, &unexplained), visible_loss.is_some());
-    let subject = best.filter(|_| !also.is_empty()).map(|(change, _)| *change);
+    let subject = happened.first().copied().or(best.map(|(change, _)| *change)).filter(|_| !also.is_empty());
     let began = since.as_ref().map_or_else(String::new, |since| beginning(subject, since));
-    let rest = if best.is_some() { not_all(&named, &unexplained) } else { String::new() };
+    let rest = if best.is_some() { not_all(&unexplained) } else { String::new() };
     let (verdict, verdicts, unknown) = by_its_own_flights(model, (verdict, verdicts), unknown);
+    let torque = of_alike.map(|(change, _)| *change);
+    let summary = summary(verdict, (best, also), unexplained.first(), visible_loss)
+        + &remarks(model, &changed, of_alike, &revealed)
+        + &began
+        + &rest
+        + &not_understood(model);
+    refuse_alike(&mut findings, torque);
     Diagnosis {
         verdict,
         verdicts,
-        summary: summary(verdict, (best, &also), unexplained.first(), visible_loss)
-            + &remarks(model, &named, (best, &also), &revealed)
-            + &began
-            + &rest
-            + &not_understood(model),
+        summary,
         effects: findings.into_iter().map(|(_, finding)| finding).collect(),
         unexplained,
         not_identified: unknown,
@@ -100,6 +99,38 @@ pub(crate) fn conclude(model: &Model, rows: OfRows, balance: Option<Answer>) -> 
         rotors: None,
         with_changes,
     }
+}
+
+/// A torque that has changed as the thrust of its motor is no change of its own.
+fn refuse_alike(findings: &mut [Found], torque: Option<Change>) {
+    for (_, finding) in findings.iter_mut().filter(|(change, _)| torque == Some(*change)) {
+        finding.refuse(Reason::AlikeThrust);
+    }
+}
+
+/// A tilted rotor comes first where it takes away more on its axes than the best change on its own: it is the cause of small changes of
+/// thrust and balance, and no other change is the cause of it.
+fn lead_with_the_tilt(findings: &mut [Found]) {
+    let supported = findings.iter().take_while(|(_, finding)| finding.supported).count();
+    let Some(tilt) = findings[..supported].iter().position(|(change, _)| change.effect == Effect::MotorTilt)
+    else {
+        return;
+    };
+    if findings[tilt].1.drop_percent > findings[0].1.drop_percent {
+        findings[..=tilt].rotate_right(1);
+    }
+}
+
+/// The changes that are named, best first, and the torque of a motor that has changed as its thrust has: the two are one change.
+fn named_of<'a>(findings: &'a [Found], happened: &[Change]) -> (Vec<&'a Found>, Option<&'a Found>) {
+    let best = findings.iter().find(|(_, finding)| finding.supported);
+    let also = findings.iter().filter(|(change, f)| {
+        f.supported && happened.contains(change) && best.is_none_or(|best| best.0 != *change)
+    });
+    let all: Vec<&Found> = best.into_iter().chain(also).collect();
+    let of_alike = alike(&all);
+    let is_named = |found: &&Found| of_alike.is_none_or(|torque| torque.0 != found.0);
+    (all.into_iter().filter(is_named).collect(), of_alike)
 }
 
 /// The model with what is supported, by the sizes in the findings.
@@ -193,73 +224,10 @@ fn not_understood(model: &Model) -> String {
 }
 
 /// " This is not all: the residual of r has ..." Where little is left, the table says so.
-fn not_all(named: &[Effect], left: &[Unexplained]) -> String {
+fn not_all(left: &[Unexplained]) -> String {
     let most = left.iter().max_by(|a, b| a.share_percent.total_cmp(&b.share_percent));
-    let Some(most) = most.filter(|most| most.share_percent >= LARGE_PERCENT) else { return String::new() };
-    // The change is one of the thrust, whose part of the moment about the axis of a rotor is none.
-    let of_torque = match most.axis == Axis::R && named.contains(&Effect::MotorEfficiency) {
-        true => {
-            " A damaged propeller is a possible cause: its drag torque need not fall in proportion to its thrust."
-        }
-        false => "",
-    };
-    format!(" This is not all: {}.{of_torque}", unaccounted(most))
-}
-
-/// What is to be known of the changes that are named.
-fn remarks(
-    model: &Model,
-    named: &[Effect],
-    (best, also): (Option<&Found>, &[&Found]),
-    revealed: &[Effect],
-) -> String {
-    moved_together(best, also) + &added_to(model, named) + &estimated_with(revealed)
-}
-
-/// " com-offset and tracking-offset have the same cause, ..." A centre of mass that moves leaves the tracked point behind: two changes of the model, one of
-/// the craft.
-fn moved_together(best: Option<&Found>, also: &[&Found]) -> String {
-    let of = |effect: Effect| {
-        let finding =
-            best.into_iter().chain(also.iter().copied()).find(|(change, _)| change.effect == effect);
-        finding.map(|(_, finding)| finding.coefficients.as_slice())
-    };
-    let (Some(moved), Some(lever)) = (of(Effect::ComOffset), of(Effect::TrackingOffset)) else {
-        return String::new();
-    };
-    let stays = |(moved, lever): (&CoefficientFigures, &CoefficientFigures)| {
-        (moved.value + lever.value).abs() < SAME_ERRORS * moved.std_error.hypot(lever.std_error)
-    };
-    match moved.iter().zip(lever).all(stays) {
-        true => " com-offset and tracking-offset have the same cause: the centre of mass has moved, and the tracked point has stayed where it was on the frame.".into(),
-        false => String::new(),
-    }
-}
-
-/// " The model already includes steady-wind: the size is the difference from the model's."
-fn added_to(model: &Model, named: &[Effect]) -> String {
-    let known: Vec<Effect> = named.iter().copied().filter(|effect| model.has(*effect)).collect();
-    match known.as_slice() {
-        [] => String::new(),
-        known => {
-            format!(
-                " The model already includes {}: the size is the difference from the model's.",
-                joined(known, " and ")
-            )
-        }
-    }
-}
-
-/// " quadratic-drag was estimated together with it, ..."
-fn estimated_with(together: &[Effect]) -> String {
-    let were = if together.len() == 1 { "was" } else { "were" };
-    match together {
-        [] => String::new(),
-        effects => format!(
-            " {} {were} estimated together with it, because these flights show more of it than those of the model.",
-            joined(effects, " and ")
-        ),
-    }
+    let most = most.filter(|most| most.share_percent >= LARGE_PERCENT);
+    most.map_or_else(String::new, |most| format!(" This is not all: {}.", unaccounted(most)))
 }
 
 /// " It began in flight B.csv at 12.0 s (10.9 to 13.2 s).", " It began before flight B.csv, or in its first 1.1 s.", or
@@ -379,7 +347,6 @@ fn unaccounted(worst: &Unexplained) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::finding::CoefficientFigures;
     use crate::testing::truth;
 
     fn found(effect: Effect, motor: Option<u8>, supported: bool) -> Found {
@@ -393,18 +360,29 @@ mod tests {
         OfRows { findings, began: None, happened: Vec::new(), with, revealed: Vec::new(), left: Vec::new() }
     }
 
-    fn answer(findings: Vec<Found>, p_value: f64) -> Answer {
-        Answer { findings, p_value, most: (Axis::P, 62.0), visible_loss: 0.0643, since: None }
+    #[test]
+    fn a_tilted_rotor_leads_what_it_is_the_cause_of() {
+        let with_drop = |effect, motor, drop_percent| {
+            let (change, mut finding) = found(effect, motor, true);
+            finding.drop_percent = drop_percent;
+            (change, finding)
+        };
+        let first = |tilt_drop_percent| {
+            let mut rows = of_rows(vec![
+                with_drop(Effect::MotorEfficiency, None, 50.0),
+                with_drop(Effect::ComOffset, None, 99.0),
+                with_drop(Effect::MotorTilt, Some(3), tilt_drop_percent),
+            ]);
+            rows.happened = rows.findings.iter().map(|(change, _)| *change).collect();
+            let diagnosis = conclude(&truth(), rows, None);
+            diagnosis.effects.iter().map(|finding| finding.effect).collect::<Vec<_>>()
+        };
+        assert_eq!(first(90.0), [Effect::MotorTilt, Effect::MotorEfficiency, Effect::ComOffset]);
+        assert_eq!(first(20.0), [Effect::MotorEfficiency, Effect::ComOffset, Effect::MotorTilt]);
     }
 
-    #[test]
-    fn yaw_that_is_left_beside_a_weak_motor_may_be_its_propellers_torque() {
-        let left = |axis| {
-            [Unexplained { axis, depends_on: Dependence::Constant, share_percent: 80.0, p_value: 0.0 }]
-        };
-        let said = |named, axis| not_all(&[named], &left(axis)).contains("its drag torque");
-        assert!(said(Effect::MotorEfficiency, Axis::R));
-        assert!(!said(Effect::MotorEfficiency, Axis::P) && !said(Effect::ComOffset, Axis::R));
+    fn answer(findings: Vec<Found>, p_value: f64) -> Answer {
+        Answer { findings, p_value, most: (Axis::P, 62.0), visible_loss: 0.0643, since: None }
     }
 
     /// The thesis' model, with these errors on held-out flights.

@@ -9,6 +9,7 @@ use crate::change_scatter::Scattered;
 use crate::criteria::{Asked, Evidence, weigh};
 use crate::finding::{CoefficientFigures, EffectFinding};
 use crate::held_out::{judged_axes, take_gain};
+use crate::leaning::{Leaning, leaning};
 use crate::reason::Reason;
 use crate::significance::zero_p_value;
 use crate::tracker_tilt::changed_tilt_deg;
@@ -22,6 +23,7 @@ pub(crate) struct Examined {
     std_errors: Vec<f64>,
     /// Residuals of each flight without the change, and with it as it was estimated from the others.
     pub(crate) residuals: Option<[Vec<Residuals>; 2]>,
+    leaning: Option<Leaning>,
     has_rotor_map: bool,
 }
 
@@ -32,6 +34,7 @@ impl Examined {
             asked: Asked::Changed,
             finding: &self.finding,
             std_errors: self.std_errors.clone(),
+            leaning: self.leaning,
             has_rotor_map: self.has_rotor_map,
         }
     }
@@ -46,7 +49,7 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
     finding.motor = change.motor;
     let has_rotor_map = model.vehicle.has_rotor_map();
     let Ok(fitted) = fitted else {
-        return Examined { finding, std_errors: Vec::new(), residuals: None, has_rotor_map };
+        return Examined { finding, std_errors: Vec::new(), residuals: None, leaning: None, has_rotor_map };
     };
     let free = change.coefficients();
     let Scattered { total, from_usual, tested, independent } = Scattered::of(model, change, &fitted, flights);
@@ -66,7 +69,9 @@ pub(crate) fn examine(model: &Model, change: Change, flights: &[&Prepared], cand
     finding.p_value = (p_value * candidates as f64).min(1.0);
     let residuals = cross_validate(model, change, flights, &fitted, &mut finding);
     let std_errors = (0..free.len()).map(|i| fitted.covariance[(i, i)].max(0.0).sqrt()).collect();
-    let mut examined = Examined { finding, std_errors, residuals: Some(residuals), has_rotor_map };
+    let leaning = leaning(model, change, &finding.coefficients);
+    let residuals = Some(residuals);
+    let mut examined = Examined { finding, std_errors, residuals, leaning, has_rotor_map };
     let (supported, reason) = weigh(&examined.evidence());
     (examined.finding.supported, examined.finding.reason) = (supported, reason);
     examined

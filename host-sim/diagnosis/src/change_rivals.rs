@@ -15,6 +15,7 @@ use crate::change_fit::{fit_change, is_beyond_flown};
 use crate::change_together::{Found, Together};
 use crate::criteria::{AS_GOOD, RIVAL, SIGNIFICANCE};
 use crate::finding::EffectFinding;
+use crate::leaning::{PROPELLER_TORQUE, leaning};
 use crate::observer::Observer;
 use crate::reason::Reason;
 use crate::search_error::{SearchError, going_on};
@@ -31,7 +32,11 @@ pub(crate) fn mark_rivals(
         return Ok(None);
     };
     let Ok(with_best) = Together::none(model).and(best, flights) else { return Ok(None) };
-    let part = |finding: &EffectFinding| gain_in_place_of(&best_finding, finding);
+    let is_held = is_held_by_its_lever(model, (best, &best_finding));
+    let part = |finding: &EffectFinding| match is_held && finding.effect != best.effect {
+        true => 0.0,
+        false => gain_in_place_of(&best_finding, finding),
+    };
     let supports = |model: &Model, change| examine(model, change, flights, changes.len()).finding.supported;
     let mut together = with_best.clone();
     let mut rivals = Vec::new();
@@ -63,10 +68,8 @@ pub(crate) fn mark_rivals(
             finding.refuse(Reason::ExplainedBy { other: best });
         }
     }
-    for change in as_good_together(findings, best) {
-        if !together.changes.contains(&change) && !rivals.contains(&change) {
-            rivals.push(change);
-        }
+    if !is_held {
+        add_pair(&mut rivals, as_good_together(findings, best), &together);
     }
     if has_rotation(model) && changes.iter().any(|c| c.effect == ALL_ROTORS.effect) {
         going_on(observer)?;
@@ -76,9 +79,13 @@ pub(crate) fn mark_rivals(
     let together = together.settled(flights);
     together.write_sizes(findings);
     let finding = &mut findings[0].1;
-    let (axes, percent) = (finding.judged_axes(), finding.drop_percent);
-    name(finding, Reason::Changed { axes, percent, rivals });
+    name(finding, Reason::Changed { axes: finding.judged_axes(), percent: finding.drop_percent, rivals });
     Ok(Some(together))
+}
+
+/// Whether a rotor leans whose yaw is that of its push, and more than a damaged propeller gives: nothing else yaws a craft so.
+fn is_held_by_its_lever(model: &Model, (change, finding): (Change, &EffectFinding)) -> bool {
+    leaning(model, change, &finding.coefficients).is_some_and(|of| of.yaw_percent > 100.0 * PROPELLER_TORQUE)
 }
 
 /// Whether a shifted centre of mass may be the moment of a wind that is stronger than the air was in the model's flights: of what the air
@@ -119,6 +126,15 @@ fn gain_in_place_of(best: &EffectFinding, other: &EffectFinding) -> f64 {
     on_its_axes(other) / on_its_axes(best).max(f64::MIN_POSITIVE)
 }
 
+/// Adds those of a pair that are neither named nor rivals already.
+fn add_pair(rivals: &mut Vec<Change>, pair: Vec<Change>, together: &Together) {
+    for change in pair {
+        if !together.changes.contains(&change) && !rivals.contains(&change) {
+            rivals.push(change);
+        }
+    }
+}
+
 /// Two other changes that act on different axes and together take away as much as the best one: a weight under a motor, which
 /// shifts the centre of mass and adds to the mass, looks like a motor that gives less thrust.
 fn as_good_together(findings: &[Found], best: Change) -> Vec<Change> {
@@ -131,7 +147,7 @@ fn as_good_together(findings: &[Found], best: Change) -> Vec<Change> {
     let apart = |a: Change, b: Change| a.effect.info().axes.iter().all(|x| !b.effect.info().axes.contains(x));
     let mut pair: Option<(f64, [Change; 2])> = None;
     for (a, first) in others().filter(|(_, f)| f.p_value < SIGNIFICANCE) {
-        for (b, second) in others().filter(|(b, _)| apart(*a, *b)) {
+        for (b, second) in others().filter(|(b, f)| f.p_value < SIGNIFICANCE && apart(*a, *b)) {
             let sum = gain_in_place_of(of_best, first) + gain_in_place_of(of_best, second);
             if sum > AS_GOOD && pair.is_none_or(|(most, _)| sum > most) {
                 pair = Some((sum, [*a, *b]));

@@ -49,6 +49,14 @@ pub(crate) fn scatter_of<'a>(model: &'a Model, effect: Effect, name: &str) -> Op
     model.fit.as_ref()?.scatter.iter().find(|s| s.effect == effect.id() && s.coefficient == name)
 }
 
+/// Whether a model says what a change of one motor has to stand out from, where it says anything of the kind: every craft's yaw is trimmed a little
+/// differently from day to day. A file of an older version does not know all changes.
+pub(crate) fn is_told(model: &Model, change: Change) -> bool {
+    let scatter = model.fit.as_ref().map_or(&[][..], |fit| &fit.scatter);
+    let is_of_motor = change.effect.info().special.per_rotor > 0;
+    !is_of_motor || scatter.is_empty() || scatter.iter().any(|known| known.effect == change.effect.id())
+}
+
 /// An estimate of a change beside what the flights of the model differ by.
 pub(crate) struct Scattered {
     /// Its covariance with that scatter, about the model. New flights of one day share the trim of that day, so several of them

@@ -9,6 +9,7 @@ use sysid::fit::pieces;
 
 use crate::change::Change;
 use crate::finding::{CoefficientFigures, EffectFinding, Unexplained};
+use crate::leaning::{Leaning, PUSH_ERRORS, YAW_PERCENT};
 use crate::reason::Reason;
 
 /// Largest corrected p-value of a finding's coefficients. With some twenty candidates corrected for, one model in a hundred is
@@ -109,6 +110,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) finding: &'a EffectFinding,
     /// Standard errors of its coefficients, without what flights differ by anyway.
     pub(crate) std_errors: Vec<f64>,
+    /// Of a rotor that leans.
+    pub(crate) leaning: Option<Leaning>,
     /// Without a motor map, rotor "speeds" are commands and ranges in rad/s mean nothing.
     pub(crate) has_rotor_map: bool,
 }
@@ -120,6 +123,7 @@ impl<'a> Evidence<'a> {
             asked: Asked::Missing,
             finding,
             std_errors: finding.coefficients.iter().map(|c| c.std_error).collect(),
+            leaning: None,
             has_rotor_map: model.vehicle.has_rotor_map(),
         }
     }
@@ -263,6 +267,27 @@ pub(crate) const RULES: &[Rule] = &[
             has_range.then(|| (distances.fold(0.0, f64::max), most_beyond(e)))
         },
         objection: |e, _, most| impossible(e, most),
+    },
+    Rule {
+        question: "pushes sideways: the larger of its pushes forward and to the right",
+        unit: "std. errors",
+        at_most: false,
+        figures: |e| e.leaning.map(|leaning| (leaning.push_errors, PUSH_ERRORS)),
+        objection: |_, _, _| Reason::YawAlone,
+    },
+    Rule {
+        question: "is one rotor's: difference of its yaw from its lever times its sideways push, as a share of what is allowed",
+        unit: "%",
+        at_most: true,
+        figures: |e| e.leaning.map(|leaning| (leaning.difference_percent, 100.0)),
+        objection: |_, _, _| Reason::YawWithoutPush,
+    },
+    Rule {
+        question: "yaws the craft, where the model leaves the translation of its own flights unexplained: yaw as a share of a reaction torque",
+        unit: "%",
+        at_most: false,
+        figures: |e| e.leaning.filter(|of| of.push_is_doubted).map(|of| (of.yaw_percent, YAW_PERCENT)),
+        objection: |_, _, _| Reason::PushWithoutYaw,
     },
     Rule {
         question: "ends within reach: distance of the cable's end from the flights, less two standard errors",
@@ -455,7 +480,7 @@ mod tests {
 
     fn weighed(finding: &EffectFinding, asked: Asked) -> (bool, Reason) {
         let std_errors = finding.coefficients.iter().map(|c| c.std_error).collect();
-        weigh(&Evidence { asked, finding, std_errors, has_rotor_map: true })
+        weigh(&Evidence { asked, finding, std_errors, leaning: None, has_rotor_map: true })
     }
 
     /// The reason for which a finding is refused after a change.

@@ -443,6 +443,12 @@ mod tests {
                 let finding = random_finding(effect, &mut rng);
                 let mut evidence = Evidence::missing(&finding, &Model::thesis());
                 evidence.has_rotor_map = round % 2 == 0;
+                evidence.leaning = (round % 4 < 2).then(|| crate::leaning::Leaning {
+                    push_errors: rng.random_range(4.0..50.0),
+                    difference_percent: rng.random_range(0.0..110.0),
+                    yaw_percent: rng.random_range(8.0..100.0),
+                    push_is_doubted: rng.random_bool(0.5),
+                });
                 let shown = criteria(&evidence);
                 let (is_supported, reason) = weigh(&evidence);
                 let no: Vec<&str> = shown.iter().filter(|c| !c.met).map(|c| c.question).collect();

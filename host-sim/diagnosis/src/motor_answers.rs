@@ -113,7 +113,7 @@ fn are_alike(changes: &[f64]) -> bool {
 }
 
 /// The mean of some values, and the deviation of a new one from it.
-fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
+pub(crate) fn mean_and_deviation(values: &[f64]) -> (f64, f64) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<f64>() / count;
     let squares = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>();

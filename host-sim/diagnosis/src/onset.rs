@@ -23,13 +23,19 @@ pub(crate) fn onset(
     flights: &[&Prepared],
 ) -> Option<Since> {
     let size: Vec<f64> = finding.coefficients.iter().map(|c| c.value).collect();
-    let squares: f64 = size.iter().map(|value| value * value).sum();
+    // Coefficients of one effect may have different units: each counts in ordinary magnitudes.
+    let info = change.effect.info();
+    let ordinary = change.coefficients().into_iter().map(|k| info.coefficients[k].typical);
+    let sized: Vec<(&CoefficientFigures, f64)> = finding.coefficients.iter().zip(ordinary).collect();
+    let squares: f64 = sized.iter().map(|(c, ordinary)| (c.value / ordinary).powi(2)).sum();
     if !(squares > 0.0) {
         return None;
     }
     let scatter = |name: &str| scatter_of(model, change.effect, name).map_or(0.0, |s| s.deviation);
-    let along = |c: &CoefficientFigures| (scatter(c.name) * c.value).powi(2);
-    let between = finding.coefficients.iter().map(along).sum::<f64>().sqrt() / squares;
+    let along = |(c, ordinary): &(&CoefficientFigures, f64)| {
+        (scatter(c.name) * c.value / (ordinary * ordinary)).powi(2)
+    };
+    let between = sized.iter().map(along).sum::<f64>().sqrt() / squares;
     let (after, axes) = (with(model, change, &size), finding.judged_axes());
     let of_flight = |flight: &&Prepared| (flight.name.clone(), shares([model, &after], axes, flight));
     since(&flights.iter().map(of_flight).collect::<Vec<_>>(), between)

@@ -4,6 +4,7 @@ use model::{Effect, Model};
 use sysid::{Prepared, has_rotation, rotors_differ, without_rotation};
 
 use crate::change::Change;
+use crate::change_scatter::is_told;
 use crate::{not_logged, wander};
 
 /// Periods of slow logs, s, slower than 80 and than 40 Hz: loops of craft command at 100 Hz and more, and their rotors answer within 20 to
@@ -67,9 +68,19 @@ impl Options {
         candidates
     }
 
-    /// What can have changed since a model was good.
+    /// What can have changed since a model was good, and stands out from what the model's flights differ by, where it says that.
     pub(crate) fn changes(&self, model: &Model) -> Vec<Change> {
-        Change::all(model).into_iter().filter(|change| !self.without.contains(&change.effect)).collect()
+        let is_tried = |change: &Change| !self.without.contains(&change.effect) && is_told(model, *change);
+        Change::all(model).into_iter().filter(is_tried).collect()
+    }
+
+    /// Changes that are not tried, because a model does not say what they must stand out from.
+    pub fn untold_changes(&self, model: &Model) -> Vec<Effect> {
+        let is_untold = |change: &Change| !self.without.contains(&change.effect) && !is_told(model, *change);
+        let mut untold: Vec<Effect> =
+            Change::all(model).into_iter().filter(is_untold).map(|change| change.effect).collect();
+        untold.dedup();
+        untold
     }
 
     /// What can have changed since a model was good, and `effect`, which is asked about.
@@ -132,5 +143,28 @@ mod tests {
         model.terms.retain(|term| term.effect != Effect::RotorMoments);
         let of_forces = Options::default().candidates(&model);
         assert!(of_forces.contains(&Effect::SteadyWind) && !of_forces.contains(&Effect::RotorInertia));
+    }
+
+    /// A file from before there were changes of a motor's torque and tilt: no yaw trim is to pass for one.
+    #[test]
+    fn what_a_model_does_not_say_the_scatter_of_is_not_tried() {
+        let mut model = Model::thesis();
+        let scatter = |effect: Effect| model::ChangeScatter {
+            effect: effect.id().into(),
+            coefficient: effect.info().coefficients[0].name.into(),
+            deviation: 0.01,
+            mean: None,
+        };
+        let options = Options::default();
+        let tries =
+            |model: &Model, effect| options.changes(model).iter().any(|change| change.effect == effect);
+        assert!(tries(&model, Effect::MotorTorque) && options.untold_changes(&model).is_empty());
+        let known = vec![scatter(Effect::MotorEfficiency)];
+        model.fit = Some(model::FitRecord { scatter: known.clone(), ..Default::default() });
+        assert!(tries(&model, Effect::MotorEfficiency) && !tries(&model, Effect::MotorTorque));
+        assert_eq!(options.untold_changes(&model), [Effect::MotorTilt, Effect::MotorTorque]);
+        let all = [Effect::MotorEfficiency, Effect::MotorTilt, Effect::MotorTorque].map(scatter);
+        model.fit = Some(model::FitRecord { scatter: all.to_vec(), ..Default::default() });
+        assert!(tries(&model, Effect::MotorTilt) && options.untold_changes(&model).is_empty());
     }
 }

@@ -78,6 +78,14 @@ pub enum Reason {
         /// North, east, down, m.
         place_ned_m: [f64; 3],
     },
+    /// A rotor that leans would yaw the craft by its lever times its push.
+    YawWithoutPush,
+    /// The torque of a motor has changed by the same fraction as its thrust.
+    AlikeThrust,
+    /// A rotor that leans would push the craft sideways.
+    YawAlone,
+    /// A rotor that leans along its arm only pushes, which other causes do as well.
+    PushWithoutYaw,
     /// Its estimates miss what its own file asks of them.
     OwnRule {
         /// The effect.
@@ -380,6 +388,14 @@ impl Reason {
     /// What is said of changes alone.
     fn write_of_change(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::AlikeThrust => f.write_str(
+                "it has changed by the same fraction as the thrust of this motor: one change, named as motor-efficiency",
+            ),
+            Self::YawAlone => f.write_str("no sideways push shows: a yaw alone is a change of torque"),
+            Self::YawWithoutPush => f.write_str("its yaw does not fit a sideways push at that motor"),
+            Self::PushWithoutYaw => f.write_str(
+                "it is a sideways push alone, and the model leaves the translation of its own flights unexplained",
+            ),
             Self::WithinScatter { p_value } => {
                 write!(f, "within the noise and the usual scatter between flights ({})", p_equation(*p_value))
             }

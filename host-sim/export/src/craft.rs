@@ -137,7 +137,7 @@ pub(crate) fn hover_n(rotors: &[Rotor; 4], weight_n: f64) -> Option<[f64; 4]> {
 pub(crate) fn is_of_rotors(effect: Effect) -> bool {
     let of_all =
         matches!(effect, Effect::Thrust | Effect::RotorMoments | Effect::ComOffset | Effect::MassChange);
-    of_all || differs_by_rotor(effect)
+    of_all || differs_by_rotor(effect) || effect == Effect::MotorTorque
 }
 
 /// Whether an effect gives the rotors different thrusts at the same speed.

@@ -7,7 +7,7 @@
 //! out a little too large or too small, and is no less visible.
 
 use diagnosis::Change;
-use model::{Coefficient, Model};
+use model::{Coefficient, Effect, Model};
 use nalgebra::{DMatrix, DVector};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -41,6 +41,8 @@ pub struct Candidate {
 impl Candidate {
     /// All that can have happened to a craft of this model, and that flights have columns for.
     pub fn all(model: &Model, columns: &Columns) -> Vec<Self> {
+        // Whether a yaw is that of a rotor's push is asked of flights, not of their sums.
+        let is_asked = |change: &Change| change.effect != Effect::MotorTilt;
         let with_columns = |change: Change| {
             let of_effect = columns.of(&[change.effect]);
             let parameters = match change.motor {
@@ -49,7 +51,7 @@ impl Candidate {
             };
             (!parameters.is_empty()).then_some(Self { change, parameters })
         };
-        Change::all(model).into_iter().filter_map(with_columns).collect()
+        Change::all(model).into_iter().filter(is_asked).filter_map(with_columns).collect()
     }
 
     /// What is said of one of its coefficients.

@@ -177,8 +177,8 @@ pub struct Special {
     pub seen_by_the_sample: bool,
     /// Flights that leave it undetermined are worth a warning.
     pub must_be_determined: bool,
-    /// Has one coefficient a rotor, of which a change frees one.
-    pub one_per_rotor: bool,
+    /// Coefficients of each rotor, one rotor after the other, of which a change frees those of one; 0 where coefficients are the whole craft's.
+    pub per_rotor: usize,
     /// Pulls towards a point that something must hold: its coefficients are a stiffness, then that times the place of the point.
     pub is_anchored: bool,
     /// Effects that act as they were never seen to once it has come about: in a wind, drag at airspeeds that were not flown before.
@@ -218,7 +218,7 @@ impl Special {
         brakes: false,
         seen_by_the_sample: false,
         must_be_determined: false,
-        one_per_rotor: false,
+        per_rotor: 0,
         is_anchored: false,
         reveals: &[],
         can_come_about: |_| true,

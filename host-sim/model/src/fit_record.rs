@@ -83,6 +83,9 @@ pub struct FitRecord {
     /// How each motor answered its commands, in flights with rotor speeds and a motor map. Empty where fewer than three tell it.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub motor_answers: Vec<MotorAnswer>,
+    /// How the tracker saw the body against the accelerometer. Absent where fewer than four flights tell it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tracker_mount: Option<TrackerMountRecord>,
     /// Dead time in s that flights of commands show beyond the model's own: their clocks are counted from it. Absent where
     /// rotor speeds were measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -115,6 +118,22 @@ pub struct MotorAnswer {
     /// By how much that of a new flight deviates, s.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_constant_deviation_s: Option<f64>,
+}
+
+/// A tracked body against the accelerometer in the flights of a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrackerMountRecord {
+    /// Turn of the tracked attitude about x and y, the accelerometer's offset over g included, rad.
+    pub tilt_rad: [f64; 2],
+    /// By how much that of a new flight deviates, rad.
+    pub tilt_deviation_rad: [f64; 2],
+    /// Tracked point from the accelerometer, body FRD, m. Absent where the craft hardly turned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lever_m: Option<[f64; 3]>,
+    /// By how much that of a new flight deviates, m.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lever_deviation_m: Option<[f64; 3]>,
 }
 
 /// A refinement on open-loop predictions.

@@ -43,7 +43,7 @@ pub use effects::slung_load::cable::SlungLoad;
 pub use effects::{Adjustments, Effect, THRUST_DIFFERENCES, Untilt, thrust_shares};
 pub use fit_record::{
     AxisError, BalanceRecord, BalanceRow, ChangeScatter, FitRecord, FlightRecord, FlightRole, HistoryEntry,
-    MotorAnswer, OpenLoopSums, ReferenceValues, RefinementRecord,
+    MotorAnswer, OpenLoopSums, ReferenceValues, RefinementRecord, TrackerMountRecord,
 };
 pub use lags::{Followed, LAG_TIMES_S, Lag, Lags};
 pub use log_columns::{

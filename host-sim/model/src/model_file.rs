@@ -330,7 +330,7 @@ mod tests {
     use crate::axis::PerAxis;
     use crate::fit_record::{
         AxisError, BalanceRecord, BalanceRow, ChangeScatter, FlightRecord, FlightRole, MotorAnswer,
-        OpenLoopSums, RefinementRecord,
+        OpenLoopSums, RefinementRecord, TrackerMountRecord,
     };
     use crate::model::coefficient_names;
     use crate::verdict::{Group, NotIdentified, PerGroup, Verdict};
@@ -385,6 +385,12 @@ mod tests {
                 },
                 MotorAnswer { speed_ratio: 1.01, speed_ratio_deviation: 0.0, ..MotorAnswer::default() },
             ],
+            tracker_mount: Some(TrackerMountRecord {
+                tilt_rad: [0.1 / 3.0, -0.01],
+                tilt_deviation_rad: [0.001, 0.002 / 3.0],
+                lever_m: Some([0.03, -0.02, 1.0 / 30.0]),
+                lever_deviation_m: None,
+            }),
             rotor_delay_s: Some(0.1 / 3.0),
             rotation_refused: vec!["C2_q = -3".into()],
             not_identified: vec![

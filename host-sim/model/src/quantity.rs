@@ -142,8 +142,9 @@ pub const COMBINATIONS: &[Quantity] = &[
     })
     .in_commands("kg m^2 cmd^2"),
     quantity("yaw_moment", "Nm", "yaw moment of the rotors divided by their coefficients", |s| {
-        let radius = s.constants.beta_kg_m * s.constants.rotor_radius_m;
-        radius * signed(&s.rotor_speed_squared_rad2_s2, &s.constants.spin)
+        let turning =
+            std::array::from_fn(|k| s.constants.yaw_arm_kg_m2[k] * s.rotor_speed_squared_rad2_s2[k]);
+        signed(&turning, &s.constants.spin)
     })
     .in_commands("kg m^2 cmd^2"),
     quantity("roll_acceleration", "rad/s^2", "roll acceleration", |s| s.input.angular_acceleration_rad_s2.x),

@@ -22,17 +22,21 @@ pub(crate) struct Constants {
     pub(crate) pitch_arm_kg_m2: [f64; 4],
     /// Whether anything stands between the square of a rotor's speed and its thrust.
     pub(crate) changes_thrust: bool,
+    /// Reaction torque of each rotor for its coefficient and the square of its speed, beta R_R or what it has become, kg m^2.
+    pub(crate) yaw_arm_kg_m2: [f64; 4],
     pub(crate) spin: [f64; 4],
     /// Rotor hubs in the body frame: +-l/sqrt(2) along x and y, m.
     pub(crate) hub_m: [[f64; 2]; 4],
 }
 
 impl Constants {
-    /// Constants of a vehicle that is heavier and whose centre of mass lies forward and right, m, of where it says.
+    /// Constants of a vehicle that is heavier, whose centre of mass lies forward and right, m, of where it says, and whose rotors' reaction
+    /// torques are larger by a part of themselves.
     pub(crate) fn new(
         vehicle: &Vehicle,
         extra_mass_kg: f64,
         com_offset_m: [f64; 2],
+        torque_change: [f64; 4],
         changes_thrust: bool,
     ) -> Self {
         let beta = vehicle.beta_kg_m();
@@ -51,15 +55,16 @@ impl Constants {
             roll_arm_kg_m2: [1.0 + right, right - 1.0, right - 1.0, 1.0 + right].map(|side| arm * side),
             pitch_arm_kg_m2: [1.0 - forward, 1.0 - forward, -1.0 - forward, -1.0 - forward]
                 .map(|ahead| arm * ahead),
+            yaw_arm_kg_m2: torque_change.map(|change| beta * vehicle.rotor_radius * (1.0 + change)),
             changes_thrust,
             spin: vehicle.motors.spin.map(|s| s.yaw_sign()),
-            hub_m: [[reach, -reach], [reach, reach], [-reach, reach], [-reach, -reach]],
+            hub_m: vehicle.hubs_m(),
         }
     }
 }
 
 /// Numbers in the constants of a vehicle.
-pub(crate) const CONSTANTS: usize = 26;
+pub(crate) const CONSTANTS: usize = 30;
 
 impl Constants {
     /// Its numbers one after the other.
@@ -74,7 +79,7 @@ impl Constants {
             self.air_density_kg_m3,
             self.gravity_m_s2,
         ]);
-        let by_rotor = [self.roll_arm_kg_m2, self.pitch_arm_kg_m2, self.spin, x, y];
+        let by_rotor = [self.roll_arm_kg_m2, self.pitch_arm_kg_m2, self.spin, x, y, self.yaw_arm_kg_m2];
         numbers[6..].copy_from_slice(by_rotor.as_flattened());
         numbers
     }
@@ -93,6 +98,7 @@ impl Constants {
             roll_arm_kg_m2: by_rotor(0),
             pitch_arm_kg_m2: by_rotor(1),
             spin: by_rotor(2),
+            yaw_arm_kg_m2: by_rotor(5),
             changes_thrust,
             hub_m: std::array::from_fn(|rotor| [number(18 + rotor), number(22 + rotor)]),
         }

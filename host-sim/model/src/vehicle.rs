@@ -363,6 +363,12 @@ impl Vehicle {
         }
     }
 
+    /// Rotor hubs in the body frame, forward and right of the centre, m: +-l/sqrt(2).
+    pub fn hubs_m(&self) -> [[f64; 2]; 4] {
+        let reach = self.arm_length * std::f64::consts::FRAC_1_SQRT_2;
+        [[reach, -reach], [reach, reach], [-reach, reach], [-reach, -reach]]
+    }
+
     /// beta = rho A_R R_R^2 with the disk area A_R = pi R_R^2 (reference section 1), kg m: thrust is C_T beta sum w^2.
     pub fn beta_kg_m(&self) -> f64 {
         let area_m2 = std::f64::consts::PI * self.rotor_radius * self.rotor_radius;

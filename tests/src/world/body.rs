@@ -255,12 +255,16 @@ impl Body {
     fn wrench(&self, craft: &Craft, now: &Instant<'_>) -> Wrench {
         let air_ned = now.velocity - self.wind(craft, now);
         let air = now.attitude.tr_mul(&air_ned);
-        let (thrusts_n, torque_z) = rotors(craft, now, &air);
-        let mut torque = Vector3::new(0.0, 0.0, torque_z);
-        for ([x, y], thrust) in craft.hubs_m().into_iter().zip(thrusts_n) {
-            // (x, y, 0) x (0, 0, -T)
-            torque.x -= y * thrust;
-            torque.y += x * thrust;
+        let (thrusts_n, torques_nm) = rotors(craft, now, &air);
+        let mut torque = Vector3::zeros();
+        let mut pull_n = Vector3::zeros();
+        for (rotor, [x, y]) in craft.hubs_m().into_iter().enumerate() {
+            let [forward, right] = craft.lean_rad[rotor].map(f64::sin);
+            // The rotor's axis, along which its thrust pulls and about which its torque turns.
+            let up = Vector3::new(forward, right, -(1.0 - forward * forward - right * right).sqrt());
+            let pull = thrusts_n[rotor] * up;
+            torque += Vector3::new(x, y, 0.0).cross(&pull) - torques_nm[rotor] * up;
+            pull_n += pull;
         }
         torque -= now.rate.component_mul(&Vector3::from(craft.damping_nm_s));
         torque.z -= craft.quadratic_yaw_nm_s2 * now.rate.z.abs() * now.rate.z;
@@ -269,7 +273,7 @@ impl Body {
         torque.y += pitching * air.x;
 
         let mut force = self.drag(craft, now, &air);
-        force.z -= thrusts_n.iter().sum::<f64>();
+        force += pull_n;
         torque.z += craft.strange.weathercock_n_s * air.y;
         torque.z -= craft.strange.torsion_nm * now.attitude[(1, 0)].atan2(now.attitude[(0, 0)]).sin();
         force.x += craft.strange.skewed_drag_n_s_m * air.y;
@@ -357,17 +361,17 @@ impl Body {
     }
 }
 
-/// Thrust of each rotor, N, and their torque about z, N m.
-fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f64) {
+/// Thrust of each rotor, N, and its reaction torque about z, N m.
+fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], [f64; 4]) {
     let lift = 1.0 + craft.translational_lift_s2_m2 * (air.x * air.x + air.y * air.y);
     let warm = 1.0 - craft.strange.fade * (1.0 - (-now.time_s / 12.0).exp());
     let lost = craft.strange.odd.map_or(0.0, |(odd, strength)| odd.lost(strength, air, now.past));
     let warm = warm - lost;
     let hubs = craft.hubs_m();
-    let mut torque = 0.0;
+    let mut torques = [0.0; 4];
     let thrusts = std::array::from_fn(|i| {
         let w = now.rotor[i];
-        torque += craft.spin[i] * craft.torque_efficiency[i] * craft.torque_nm_s2 * w * w;
+        torques[i] = craft.spin[i] * craft.torque_efficiency[i] * craft.torque_nm_s2 * w * w;
         let still = craft.thrust_n_s2 * w * w + craft.thrust_n_s * w;
         let share_n = 0.25 * craft.mass_kg * craft.gravity_m_s2;
         let still = still - craft.strange.stall * (still - share_n).max(0.0);
@@ -386,7 +390,7 @@ fn rotors(craft: &Craft, now: &Instant<'_>, air: &Vector3<f64>) -> ([f64; 4], f6
         let ratio = craft.rotor_radius_m / (4.0 * height);
         thrust / (1.0 - craft.ground_gain * ratio * ratio)
     });
-    (thrusts, torque)
+    (thrusts, torques)
 }
 
 /// What pulls towards a point, presses away from an axis, and turns around one.

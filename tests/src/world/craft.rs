@@ -186,6 +186,8 @@ pub struct Craft {
     pub efficiency: [f64; 4],
     /// Part of its reaction torque that each rotor gives.
     pub torque_efficiency: [f64; 4],
+    /// Angles by which each rotor's axis leans forward and to the right, rad.
+    pub lean_rad: [[f64; 2]; 4],
     /// Moment of inertia of one rotor, kg m^2.
     pub rotor_inertia_kg_m2: f64,
     /// Share of the torque of a changing rotor speed that the body feels: 1 in nature, 0 in the
@@ -386,6 +388,7 @@ impl Craft {
             torque_nm_s2: 0.0,
             efficiency: [1.0; 4],
             torque_efficiency: [1.0; 4],
+            lean_rad: [[0.0; 2]; 4],
             rotor_inertia_kg_m2: 0.0,
             spin_up_share: 0.0,
             spin: [1.0, -1.0, 1.0, -1.0],

@@ -141,6 +141,14 @@ pub const PLANTED: &[Seedling] = &[
             c.torque_efficiency[rotor] = c.efficiency[rotor];
         }
     }),
+    seedling("motor-torque", "a damaged propeller that lifts as before", |c, _, s, rng| {
+        c.torque_efficiency[rng.random_range(0..4)] = 1.0 + 0.2 * s;
+    }),
+    seedling("motor-tilt", "a bent arm", |c, _, s, rng| {
+        let towards = rng.random_range(0.0..std::f64::consts::TAU);
+        let lean_rad = (6.0 * s).to_radians();
+        c.lean_rad[rng.random_range(0..4)] = [lean_rad * towards.cos(), lean_rad * towards.sin()];
+    }),
 ];
 
 /// Effects that no catalogue names.
@@ -248,7 +256,7 @@ pub const ODD: &[Seedling] = &[
 
 /// Effects that happen to a craft whose model was good: flown before and after.
 pub fn changes() -> impl Iterator<Item = &'static str> {
-    ["mass-change", "com-offset", "motor-efficiency"].into_iter()
+    ["mass-change", "com-offset", "motor-efficiency", "motor-torque", "motor-tilt"].into_iter()
 }
 
 pub(super) fn plant(

@@ -102,6 +102,16 @@ fn own(craft: &Craft, vehicle: &Vehicle, id: &'static str) -> Vec<True> {
             vec![0.25 * (a - b - c + d), 0.25 * (a + b - c - d), 0.25 * (a - b + c - d)]
         }
         "motor-efficiency" => craft.efficiency.map(|part| 1.0 - part).to_vec(),
+        "motor-torque" => craft.torque_efficiency.map(|part| part - 1.0).to_vec(),
+        "motor-tilt" => {
+            let thrust = craft.thrust_n_s2 / vehicle.beta_kg_m();
+            let reach_m = vehicle.rotor_radius * inertia.z;
+            let of_rotor = |([x, y], lean): ([f64; 2], [f64; 2])| {
+                let [forward, right] = lean.map(|angle| thrust * angle.sin());
+                [forward, right, (x * right - y * forward) / reach_m]
+            };
+            craft.hubs_m().into_iter().zip(craft.lean_rad).flat_map(of_rotor).collect()
+        }
         "steady-wind" => vec![craft.wind_ned_m_s.x, craft.wind_ned_m_s.y],
         "wind-shear" => vec![craft.strange.shear_per_s, 0.0],
         "battery-voltage" => vec![craft.map.voltage - vehicle.motors.voltage.unwrap_or(0.0)],

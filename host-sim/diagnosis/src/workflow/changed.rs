@@ -10,6 +10,7 @@ use crate::change::{Change, WIND};
 use crate::change_evidence::changes_of;
 use crate::motor_answers;
 use crate::observer::Observer;
+use crate::tracker_mount;
 use crate::workflow::error::WorkflowError;
 use crate::workflow::loaded::names;
 use crate::workflow::own_winds::is_better;
@@ -28,10 +29,14 @@ pub fn changed(
     hold_against(model, effects, flights, observer)?;
     let tried = told_by(flights, options).changes(model);
     let mut found = search(model, &tried, flights, observer)?;
-    if let Some(sentence) = motor_answers::changed(model, &flights.prepared()) {
+    let beside = [
+        (FaultKind::MotorAnswers, motor_answers::changed(model, &flights.prepared())),
+        (FaultKind::TrackerMoved, tracker_mount::changed(model, &flights.prepared())),
+    ];
+    for (kind, sentence) in beside.into_iter().filter_map(|(kind, said)| Some((kind, said?))) {
         let but = if found.best().is_some() { "Also," } else { "But" };
         let _ = write!(found.summary, " {but} {sentence}.");
-        flights.faults.add("flights", Fault::of_all(FaultKind::MotorAnswers, Severity::Warning, sentence));
+        flights.faults.add("flights", Fault::of_all(kind, Severity::Warning, sentence));
     }
     Ok(found)
 }

@@ -5,6 +5,7 @@ use sysid::{Prepared, Residuals};
 
 use crate::change_scatter::scatter;
 use crate::motor_answers;
+use crate::tracker_mount;
 use crate::unidentified::unidentified;
 use crate::workflow::loaded::LoadedFlight;
 use crate::workflow::sets::FlightSets;
@@ -30,6 +31,7 @@ impl FlightSets {
                 all.iter().copied().zip(fitted.iter().chain(&held_out)),
             ),
             motor_answers: motor_answers::record(model, &all),
+            tracker_mount: tracker_mount::record(model, &all),
             rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &train),
             rotation_refused,
             not_identified,

@@ -80,6 +80,11 @@ pub(crate) trait Adjusting {
         [0.0; 2]
     }
 
+    /// By what part of itself the reaction torque of each rotor is larger.
+    fn torque_change(&self) -> [f64; 4] {
+        [0.0; 4]
+    }
+
     /// A load on a cable under the craft.
     fn load(&self) -> Option<SlungLoad> {
         None

@@ -123,7 +123,8 @@ impl Adjustments {
     /// Constants of a vehicle under these.
     pub(crate) fn constants(&self, vehicle: &Vehicle) -> Constants {
         let com_offset_m = std::array::from_fn(|k| self.sum(|effect| effect.com_offset_m()[k]));
-        Constants::new(vehicle, self.extra_mass_kg(), com_offset_m, self.changes_thrust())
+        let torque_change = std::array::from_fn(|k| self.sum(|effect| effect.torque_change()[k]));
+        Constants::new(vehicle, self.extra_mass_kg(), com_offset_m, torque_change, self.changes_thrust())
     }
 
     /// The sample of a state.

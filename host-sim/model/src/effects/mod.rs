@@ -39,6 +39,7 @@ catalogue! {
         ProductOfInertia => product_of_inertia,
         QuadraticYawDamping => quadratic_yaw_damping,
         Tether => tether,
+        MotorTilt => motor_tilt,
     }
     adjusting {
         GroundEffect => ground_effect,
@@ -55,6 +56,7 @@ catalogue! {
         MassChange => mass_change,
         ComOffset => com_offset,
         MotorEfficiency => motor_efficiency,
+        MotorTorque => motor_torque,
         SlungLoad => slung_load,
     }
 }

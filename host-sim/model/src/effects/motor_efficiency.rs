@@ -30,7 +30,7 @@ pub(super) const INFO: EffectInfo = EffectInfo {
         "com-offset",
         "climb and descend: a weak rotor also lifts less, and acts on roll and pitch together; a shifted mass does not",
     )],
-    special: Special { one_per_rotor: true, ..Special::NOTHING },
+    special: Special { per_rotor: 1, ..Special::NOTHING },
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -51,10 +51,10 @@ pub(super) const INFO: EffectInfo = EffectInfo {
 #[inline(always)]
 pub(super) fn columns(s: &Sample, sink: &mut impl Sink) {
     let (roll, pitch) = (&s.constants.roll_arm_kg_m2, &s.constants.pitch_arm_kg_m2);
-    let radius = s.constants.beta_kg_m * s.constants.rotor_radius_m;
+    let yaw = &s.constants.yaw_arm_kg_m2;
     for rotor in 0..4 {
         sink.add(Axis::P, rotor, roll[rotor] * s.rotor_thrust_rad2_s2[rotor]);
         sink.add(Axis::Q, 4 + rotor, pitch[rotor] * s.rotor_thrust_rad2_s2[rotor]);
-        sink.add(Axis::R, 8 + rotor, radius * s.rotor_speed_squared_rad2_s2[rotor]);
+        sink.add(Axis::R, 8 + rotor, yaw[rotor] * s.rotor_speed_squared_rad2_s2[rotor]);
     }
 }

@@ -77,7 +77,7 @@ pub(crate) fn typical(effect: Effect) -> Vec<f64> {
     }
     let info = effect.info();
     let value = |(index, c): (usize, &Coefficient)| match c.possible {
-        _ if info.special.one_per_rotor && index > 0 => 0.0,
+        _ if info.special.per_rotor > 0 && index >= info.special.per_rotor => 0.0,
         (_, high) if high <= 0.0 => -c.typical,
         _ => c.typical,
     };

@@ -154,6 +154,15 @@ fn run_changed(options: &Options) -> anyhow::Result<Outcome> {
             options.model.display()
         ));
     }
+    let untold = search.untold_changes(&model);
+    if !untold.is_empty() {
+        let names: Vec<&str> = untold.iter().map(|effect| effect.id()).collect();
+        colour::warn(&format!(
+            "{}: does not say how much {} differed from flight to flight, so they are not tried; fit the model again with this version",
+            options.model.display(),
+            names.join(" and ")
+        ));
+    }
     if let Some(effect) = asked {
         let why = workflow::changed_why(&model, effect, &effects, &mut changed, &search, &terminal)?;
         terminal.clear();

@@ -63,6 +63,8 @@ pub enum FaultKind {
     UnderSampled,
     /// Motors that answer their commands in another way than in the flights of the model.
     MotorAnswers,
+    /// A tracked body that lies in another way against the accelerometer than in the flights of the model.
+    TrackerMoved,
     /// Commands that were rounded to coarse steps.
     CoarseCommands,
     /// Columns that were not logged, and what stands in for them.
@@ -114,6 +116,7 @@ impl FaultKind {
             Self::DerivedRates => "derived-rates",
             Self::UnderSampled => "under-sampled",
             Self::MotorAnswers => "motor-answers",
+            Self::TrackerMoved => "tracker-moved",
             Self::CoarseCommands => "coarse-commands",
             Self::NotLogged => "not-logged",
             Self::NoPosition => "no-position",
@@ -471,7 +474,7 @@ mod tests {
     use super::*;
     use crate::testing::{NONE, flight, fly, truth};
 
-    const KINDS: [FaultKind; 26] = [
+    const KINDS: [FaultKind; 27] = [
         FaultKind::GyroFault,
         FaultKind::AccelerometerFault,
         FaultKind::CoarseCommands,
@@ -490,6 +493,7 @@ mod tests {
         FaultKind::DerivedRates,
         FaultKind::UnderSampled,
         FaultKind::MotorAnswers,
+        FaultKind::TrackerMoved,
         FaultKind::WindBetweenFlights,
         FaultKind::WanderingWind,
         FaultKind::ImplausibleVehicle,

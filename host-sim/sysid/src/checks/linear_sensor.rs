@@ -90,6 +90,11 @@ impl Rows {
         with
     }
 
+    /// A regression over these rows.
+    pub(super) fn of(&self, targets: [Vec<f64>; 6], columns: Vec<RowColumn>) -> FlightRows {
+        FlightRows { targets, columns, starts: self.starts.clone(), period_s: self.period_s }
+    }
+
     /// What the sensor makes of the tracked motion, where its noise is small beside that of the tracker: that of the regressor makes
     /// factors too small.
     pub(super) fn sensor_by_tracked(&self) -> Option<Linear> {
@@ -139,8 +144,7 @@ impl Rows {
         let mut targets: [Vec<f64>; 6] = std::array::from_fn(|_| vec![0.0; count]);
         targets[3..].clone_from_slice(target);
         let unknowns = columns.len();
-        let rows = FlightRows { targets, columns, starts: self.starts.clone(), period_s: self.period_s };
-        let solution = least_squares::solve(&[rows], &vec![None; unknowns]).ok()?;
+        let solution = least_squares::solve(&[self.of(targets, columns)], &vec![None; unknowns]).ok()?;
         let of = |k: usize| (solution.value[k], solution.covariance[(k, k)].max(0.0).sqrt());
         Some(Linear {
             matrix: Matrix3::from_fn(|i, j| of(3 * i + j).0),

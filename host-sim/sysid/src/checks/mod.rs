@@ -22,6 +22,7 @@ mod linear_sensor;
 pub mod motors;
 pub mod overlap;
 pub mod rotor_response;
+pub mod tracker_mount;
 mod tracker_tilt;
 mod tracks;
 pub mod under_sampled;

@@ -223,7 +223,12 @@ fn ask_what_changed(trial: &Trial) -> Result<Outcome, String> {
     let diagnosis =
         workflow::changed(&model, &[], &mut after, &diagnosis::Options::default(), &Silent).map_err(told)?;
     let blamed = diagnosis.effects.iter().find(|finding| finding.supported).and_then(|finding| finding.motor);
-    let weak = world.craft.efficiency.iter().position(|part| *part != 1.0);
+    let other = |rotor: &usize| {
+        let craft = &world.craft;
+        let parts = [craft.efficiency[*rotor], craft.torque_efficiency[*rotor]];
+        parts != [1.0; 2] || craft.lean_rad[*rotor] != [0.0; 2]
+    };
+    let weak = (0..4).find(other);
     Ok(Outcome {
         motor_is_right: blamed.map(|motor| usize::from(motor) - 1) == weak,
         ..outcome(trial, &diagnosis, diagnosis.best().map(Effect::id).into_iter().collect(), Vec::new())

@@ -1,0 +1,119 @@
+//! Does the tracker still see the body as it did? Forces that are fitted to an accelerometer follow from it, and so hardly notice a tracked
+//! attitude that is turned, or another tracked point: both show against the accelerometer itself.
+
+use model::{FitRecord, Model, TrackerMountRecord};
+use report::number::fixed;
+use sysid::Prepared;
+use sysid::checks::tracker_mount::{TrackerMount, of_flight};
+
+use crate::motor_answers::mean_and_deviation;
+
+/// Standard deviations between flights from which on it is another one.
+const DEVIATIONS: f64 = 6.0;
+/// Least deviation between flights: an accelerometer's offset changes by 0.015 m/s^2 from day to day, rad; and of the lever, m.
+const TILT_RAD: f64 = 0.0015;
+const LEVER_M: f64 = 0.001;
+/// Fewest flights of a model that tell a deviation.
+const FEWEST: usize = 4;
+/// And of a lever, which not every flight tells.
+const FEWEST_LEVERS: usize = 3;
+
+/// How the tracker saw the body in the flights of a model; nothing where these do not tell.
+pub(crate) fn record(model: &Model, flights: &[&Prepared]) -> Option<TrackerMountRecord> {
+    let all: Vec<TrackerMount> = flights.iter().filter_map(|f| of_flight(f, &model.vehicle)).collect();
+    if all.len() < FEWEST {
+        return None;
+    }
+    let tilt = [0, 1].map(|k| mean_and_deviation(&all.iter().map(|of| of.tilt_rad[k]).collect::<Vec<_>>()));
+    let levers = levers(&all);
+    let lever = (levers.len() >= FEWEST_LEVERS).then(|| each_axis(&levers));
+    Some(TrackerMountRecord {
+        tilt_rad: tilt.map(|of| of.0),
+        tilt_deviation_rad: tilt.map(|of| of.1),
+        lever_m: lever.map(|lever| lever.map(|of| of.0)),
+        lever_deviation_m: lever.map(|lever| lever.map(|of| of.1)),
+    })
+}
+
+/// Standard error of a mean.
+fn mean_error(errors: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = errors.len() as f64;
+    errors.map(|error| error * error).sum::<f64>().sqrt() / count
+}
+
+fn levers(all: &[TrackerMount]) -> Vec<[f64; 3]> {
+    all.iter().filter_map(|of| of.lever_m).collect()
+}
+
+/// Mean and deviation along each axis.
+fn each_axis(levers: &[[f64; 3]]) -> [(f64, f64); 3] {
+    [0, 1, 2].map(|k| mean_and_deviation(&levers.iter().map(|lever| lever[k]).collect::<Vec<_>>()))
+}
+
+/// What is to be said of new flights in which the tracker sees the body in another way; nothing where it sees it as before.
+pub(crate) fn changed(model: &Model, flights: &[&Prepared]) -> Option<String> {
+    let was = model.fit.as_ref().and_then(|fit: &FitRecord| fit.tracker_mount)?;
+    let all: Vec<TrackerMount> = flights.iter().filter_map(|f| of_flight(f, &model.vehicle)).collect();
+    if all.is_empty() {
+        return None;
+    }
+    let turned_rad = [0, 1].map(|k| {
+        let now = all.iter().map(|of| of.tilt_rad[k]).sum::<f64>() / all.len() as f64;
+        let error = mean_error(all.iter().map(|of| of.tilt_error_rad[k]));
+        (now - was.tilt_rad[k], DEVIATIONS * was.tilt_deviation_rad[k].max(TILT_RAD).hypot(error))
+    });
+    let levers = levers(&all);
+    let moved_m =
+        was.lever_m.zip(was.lever_deviation_m).filter(|_| !levers.is_empty()).map(|(mean, deviation)| {
+            let now = each_axis(&levers);
+            [0, 1, 2].map(|k| {
+                (
+                    now[k].0 - mean[k],
+                    DEVIATIONS
+                        * deviation[k]
+                            .max(LEVER_M)
+                            .hypot(mean_error(all.iter().map(|of| of.lever_error_m[k]))),
+                )
+            })
+        });
+    said(turned_rad, moved_m)
+}
+
+/// "against the accelerometer, the tracked attitude is turned by 1.5 deg in roll and -1.0 deg in pitch ...": changes, each with that from
+/// which on it counts.
+fn said(turned_rad: [(f64, f64); 2], moved_m: Option<[(f64, f64); 3]>) -> Option<String> {
+    let counts = |of: &(f64, f64)| of.0.abs() > of.1;
+    let turned = turned_rad.iter().any(counts).then(|| {
+        let [roll, pitch] = turned_rad.map(|of| fixed(of.0.to_degrees(), 1));
+        format!("the tracked attitude is turned by {roll} deg in roll and {pitch} deg in pitch")
+    });
+    let moved = moved_m.filter(|moved| moved.iter().any(counts)).map(|moved| {
+        let [x, y, z] = moved.map(|of| fixed(1e3 * of.0, 0));
+        format!("the tracked point has moved by {x} mm forward, {y} mm right and {z} mm down")
+    });
+    let parts: Vec<String> = [turned, moved].into_iter().flatten().collect();
+    (!parts.is_empty()).then(|| {
+        format!(
+            "against the accelerometer, {} since the model's flights: the tracked body was probably defined anew, or its markers or the \
+             sensor were moved, or the accelerometer's offset has changed; the verdict is about forces and moments and does not cover this, but a controller sees the tracked attitude and position",
+            parts.join(" and ")
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_and_a_move_are_told_where_they_stand_out() {
+        let still = [(0.001, 0.006); 2];
+        assert_eq!(said(still, None), None);
+        assert_eq!(said(still, Some([(0.002, 0.006); 3])), None);
+        let turned = [(1.5_f64.to_radians(), 0.006), (-0.001, 0.006)];
+        let told = said(turned, None).unwrap();
+        assert!(told.contains("turned by 1.5 deg in roll and -0.1 deg in pitch since"), "{told}");
+        let told = said(still, Some([(0.03, 0.006), (-0.02, 0.006), (0.0, 0.006)])).unwrap();
+        assert!(told.contains("moved by 30 mm forward, -20 mm right and 0 mm down since"), "{told}");
+    }
+}
