@@ -47,7 +47,7 @@ impl Change {
     }
 
     /// Indices of the coefficients it frees.
-    pub(crate) fn coefficients(self) -> Vec<usize> {
+    pub fn coefficients(self) -> Vec<usize> {
         match self.motor {
             Some(motor) => {
                 let each = self.effect.info().special.per_rotor;

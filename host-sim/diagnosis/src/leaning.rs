@@ -1,6 +1,6 @@
 //! A rotor whose thrust leans (`motor-tilt`): whether the yaw it is said to cause is that of its sideways push, and by what angle it leans.
 
-use model::{Effect, Group, Model, Verdict};
+use model::{Effect, Group, Model, PhysicalParameter, Verdict, physical_parameters};
 
 use crate::change::Change;
 use crate::finding::CoefficientFigures;
@@ -42,11 +42,14 @@ pub(crate) fn leaning(model: &Model, change: Change, coefficients: &[Coefficient
     let motor = usize::from(change.motor.filter(|_| change.effect == Effect::MotorTilt)?) - 1;
     let [forward, right, yaw] = coefficients else { return None };
     let [x, y] = model.vehicle.hubs_m()[motor];
-    let inertia = yaw_inertia(model)?;
+    let physical = physical_parameters(model);
+    let inertia = yaw_inertia(&physical)?;
     let per_push = 1.0 / (model.vehicle.rotor_radius * inertia.kg_m2);
     let by_lever = per_push * (x * right.value - y * forward.value);
     let error = yaw.std_error.hypot(per_push * (x * right.std_error).hypot(y * forward.std_error));
-    let torque = mean_moment(model, 2)?;
+    // A mean coefficient of (2.7) about z, as the yaw has it.
+    let reach_kg_m2 = model.vehicle.beta_kg_m() * model.vehicle.rotor_radius;
+    let torque = find(&physical, "k_Q/I_zz")?.value / reach_kg_m2;
     let allowed = (LEVER_PART + inertia.part) * by_lever.abs() + TORQUE_PART * torque + ERRORS * error;
     let verdicts = model.fit.as_ref().and_then(|fit| fit.verdicts);
     let firm = |push: &CoefficientFigures| push.value.abs() / push.std_error.max(f64::MIN_POSITIVE);
@@ -67,7 +70,8 @@ pub(crate) struct Lean {
     pub(crate) towards_deg: f64,
 }
 
-/// By how much the thrust of a rotor leans, by the three coefficients of `motor-tilt`; nothing where the model has no thrust. With what a model knows of already.
+/// By how much the thrust of a rotor leans, by the three coefficients of `motor-tilt`; nothing where the model has no thrust.
+/// With what the model has of it already.
 pub(crate) fn lean(model: &Model, motor: u8, coefficients: &[CoefficientFigures]) -> Option<Lean> {
     let thrust = model.term(Effect::Thrust)?.values()[0];
     let [forward, right, _] = coefficients else { return None };
@@ -86,24 +90,17 @@ struct YawInertia {
 }
 
 /// By the couplings of the rates where these tell it, and otherwise as a share of the sum of the two across it, which a flat body has.
-fn yaw_inertia(model: &Model) -> Option<YawInertia> {
-    let thrust = model.term(Effect::Thrust)?.values()[0];
-    let across = |axis| Some(thrust / (2.0 * mean_moment(model, axis)?));
-    let flat_kg_m2 = across(0)? + across(1)?;
-    let by_coupling =
-        model::physical_parameters(model).into_iter().find(|parameter| parameter.symbol == "I_zz");
-    let known = by_coupling.and_then(|inertia| {
+fn yaw_inertia(physical: &[PhysicalParameter]) -> Option<YawInertia> {
+    let flat_kg_m2 = find(physical, "I_xx")?.value + find(physical, "I_yy")?.value;
+    let known = find(physical, "I_zz").and_then(|inertia| {
         let part = ERRORS * inertia.std_error? / inertia.value;
         (part < FLAT_PART && inertia.value < flat_kg_m2).then_some(YawInertia { kg_m2: inertia.value, part })
     });
     Some(known.unwrap_or(YawInertia { kg_m2: FLAT_SHARE * flat_kg_m2, part: FLAT_PART }))
 }
 
-/// Mean of the coefficients of (2.7) of the four rotors about an axis, 0 to 2.
-fn mean_moment(model: &Model, axis: usize) -> Option<f64> {
-    let all = model.term(Effect::RotorMoments)?.values();
-    let mean = all.get(4 * axis..4 * axis + 4)?.iter().map(|one| one.abs()).sum::<f64>() / 4.0;
-    (mean > 0.0).then_some(mean)
+fn find<'a>(physical: &'a [PhysicalParameter], symbol: &str) -> Option<&'a PhysicalParameter> {
+    physical.iter().find(|parameter| parameter.symbol == symbol)
 }
 
 #[cfg(test)]

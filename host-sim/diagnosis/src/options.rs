@@ -70,17 +70,19 @@ impl Options {
 
     /// What can have changed since a model was good, and stands out from what the model's flights differ by, where it says that.
     pub(crate) fn changes(&self, model: &Model) -> Vec<Change> {
-        let is_tried = |change: &Change| !self.without.contains(&change.effect) && is_told(model, *change);
-        Change::all(model).into_iter().filter(is_tried).collect()
+        self.not_left_out(model).filter(|change| is_told(model, *change)).collect()
     }
 
     /// Changes that are not tried, because a model does not say what they must stand out from.
     pub fn untold_changes(&self, model: &Model) -> Vec<Effect> {
-        let is_untold = |change: &Change| !self.without.contains(&change.effect) && !is_told(model, *change);
-        let mut untold: Vec<Effect> =
-            Change::all(model).into_iter().filter(is_untold).map(|change| change.effect).collect();
+        let untold = self.not_left_out(model).filter(|change| !is_told(model, *change));
+        let mut untold: Vec<Effect> = untold.map(|change| change.effect).collect();
         untold.dedup();
         untold
+    }
+
+    fn not_left_out(&self, model: &Model) -> impl Iterator<Item = Change> {
+        Change::all(model).into_iter().filter(|change| !self.without.contains(&change.effect))
     }
 
     /// What can have changed since a model was good, and `effect`, which is asked about.

@@ -24,7 +24,7 @@ pub(crate) fn record(model: &Model, flights: &[&Prepared]) -> Option<TrackerMoun
     if all.len() < FEWEST {
         return None;
     }
-    let tilt = [0, 1].map(|k| mean_and_deviation(&all.iter().map(|of| of.tilt_rad[k]).collect::<Vec<_>>()));
+    let tilt = each_axis(&tilts(&all));
     let levers = levers(&all);
     let lever = (levers.len() >= FEWEST_LEVERS).then(|| each_axis(&levers));
     Some(TrackerMountRecord {
@@ -41,13 +41,17 @@ fn mean_error(errors: impl ExactSizeIterator<Item = f64>) -> f64 {
     errors.map(|error| error * error).sum::<f64>().sqrt() / count
 }
 
+fn tilts(all: &[TrackerMount]) -> Vec<[f64; 2]> {
+    all.iter().map(|of| of.tilt_rad).collect()
+}
+
 fn levers(all: &[TrackerMount]) -> Vec<[f64; 3]> {
     all.iter().filter_map(|of| of.lever_m).collect()
 }
 
 /// Mean and deviation along each axis.
-fn each_axis(levers: &[[f64; 3]]) -> [(f64, f64); 3] {
-    [0, 1, 2].map(|k| mean_and_deviation(&levers.iter().map(|lever| lever[k]).collect::<Vec<_>>()))
+fn each_axis<const N: usize>(flights: &[[f64; N]]) -> [(f64, f64); N] {
+    std::array::from_fn(|k| mean_and_deviation(&flights.iter().map(|of| of[k]).collect::<Vec<_>>()))
 }
 
 /// What is to be said of new flights in which the tracker sees the body in another way; nothing where it sees it as before.
@@ -57,25 +61,21 @@ pub(crate) fn changed(model: &Model, flights: &[&Prepared]) -> Option<String> {
     if all.is_empty() {
         return None;
     }
+    let counts_from = |deviation: f64, least: f64, error: f64| DEVIATIONS * deviation.max(least).hypot(error);
+    let tilt_rad = each_axis(&tilts(&all));
     let turned_rad = [0, 1].map(|k| {
-        let now = all.iter().map(|of| of.tilt_rad[k]).sum::<f64>() / all.len() as f64;
         let error = mean_error(all.iter().map(|of| of.tilt_error_rad[k]));
-        (now - was.tilt_rad[k], DEVIATIONS * was.tilt_deviation_rad[k].max(TILT_RAD).hypot(error))
+        (tilt_rad[k].0 - was.tilt_rad[k], counts_from(was.tilt_deviation_rad[k], TILT_RAD, error))
     });
     let levers = levers(&all);
-    let moved_m =
-        was.lever_m.zip(was.lever_deviation_m).filter(|_| !levers.is_empty()).map(|(mean, deviation)| {
-            let now = each_axis(&levers);
-            [0, 1, 2].map(|k| {
-                (
-                    now[k].0 - mean[k],
-                    DEVIATIONS
-                        * deviation[k]
-                            .max(LEVER_M)
-                            .hypot(mean_error(all.iter().map(|of| of.lever_error_m[k]))),
-                )
-            })
-        });
+    let known = was.lever_m.zip(was.lever_deviation_m).filter(|_| !levers.is_empty());
+    let moved_m = known.map(|(mean_m, deviation_m)| {
+        let lever_m = each_axis(&levers);
+        [0, 1, 2].map(|k| {
+            let error = mean_error(all.iter().map(|of| of.lever_error_m[k]));
+            (lever_m[k].0 - mean_m[k], counts_from(deviation_m[k], LEVER_M, error))
+        })
+    });
     said(turned_rad, moved_m)
 }
 

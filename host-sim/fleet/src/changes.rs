@@ -45,10 +45,8 @@ impl Candidate {
         let is_asked = |change: &Change| change.effect != Effect::MotorTilt;
         let with_columns = |change: Change| {
             let of_effect = columns.of(&[change.effect]);
-            let parameters = match change.motor {
-                Some(motor) => of_effect.get(usize::from(motor) - 1).map(|k| vec![*k]).unwrap_or_default(),
-                None => of_effect,
-            };
+            let parameters: Vec<usize> =
+                change.coefficients().into_iter().filter_map(|k| of_effect.get(k).copied()).collect();
             (!parameters.is_empty()).then_some(Self { change, parameters })
         };
         Change::all(model).into_iter().filter(is_asked).filter_map(with_columns).collect()
