@@ -36,9 +36,10 @@ pub(crate) fn record(model: &Model, flights: &[&Prepared]) -> Option<TrackerMoun
 }
 
 /// Standard error of a mean.
-fn mean_error(errors: impl ExactSizeIterator<Item = f64>) -> f64 {
-    let count = errors.len() as f64;
-    errors.map(|error| error * error).sum::<f64>().sqrt() / count
+fn mean_error(errors: impl Iterator<Item = f64>) -> f64 {
+    let (count, squares) =
+        errors.fold((0.0, 0.0), |(count, squares), error| (count + 1.0, squares + error * error));
+    f64::sqrt(squares) / count
 }
 
 fn tilts(all: &[TrackerMount]) -> Vec<[f64; 2]> {
@@ -72,7 +73,9 @@ pub(crate) fn changed(model: &Model, flights: &[&Prepared]) -> Option<String> {
     let moved_m = known.map(|(mean_m, deviation_m)| {
         let lever_m = each_axis(&levers);
         [0, 1, 2].map(|k| {
-            let error = mean_error(all.iter().map(|of| of.lever_error_m[k]));
+            // Only flights whose lever is known are in the mean, and so in its error.
+            let error =
+                mean_error(all.iter().filter(|of| of.lever_m.is_some()).map(|of| of.lever_error_m[k]));
             (lever_m[k].0 - mean_m[k], counts_from(deviation_m[k], LEVER_M, error))
         })
     });
@@ -104,6 +107,12 @@ fn said(turned_rad: [(f64, f64); 2], moved_m: Option<[(f64, f64); 3]>) -> Option
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_error_of_a_mean_falls_with_the_root_of_the_count() {
+        assert!((mean_error([0.3].into_iter()) - 0.3).abs() < 1e-15);
+        assert!((mean_error([0.3; 9].into_iter()) - 0.1).abs() < 1e-15);
+    }
 
     #[test]
     fn a_turn_and_a_move_are_told_where_they_stand_out() {
