@@ -38,7 +38,7 @@ pub fn add(
         warn_of_one_heading(&[effect], sets, observer);
     }
     let (mut model, refinement) = refine(better, sets, rows, observer)?;
-    sets.record_scatter(&mut model);
+    sets.record_for_changes(&mut model);
     Ok(Added { model, addition, refinement })
 }
 

@@ -91,7 +91,7 @@ impl Explanation {
         self.steps.last().map_or(&self.basic, |step| &step.model)
     }
 
-    /// The models on the way to the last. One that is kept as well needs [`record_scatter`](FlightSets::record_scatter) before new flights
+    /// The models on the way to the last. One that is kept as well needs [`record_for_changes`](FlightSets::record_for_changes) before new flights
     /// are held against it.
     pub fn on_the_way_mut(&mut self) -> impl Iterator<Item = &mut Model> {
         let before_last = self.steps.len();
@@ -193,10 +193,10 @@ pub fn explain(
     warn_of_clocks(sets, observer);
     warn_of_one_heading(&explanation.found(), sets, observer);
     let last = explanation.steps.last_mut().map_or(&mut explanation.basic, |step| &mut step.model);
-    sets.record_scatter(last);
+    sets.record_for_changes(last);
     (explanation.model, explanation.refinement) = refine(last.clone(), sets, rows, observer)?;
     if explanation.refinement.is_some() {
-        sets.record_scatter(&mut explanation.model);
+        sets.record_for_changes(&mut explanation.model);
     }
     explanation.rotors = sets.compare_rotors(explanation.last_model());
     let verdicts = explanation.verdicts();

@@ -44,7 +44,7 @@ pub fn identify(
     warn_of_clocks(sets, observer);
     let rotors = sets.compare_rotors(&identified.model);
     let (mut model, refinement) = refine(identified.model, sets, rows, observer)?;
-    sets.record_scatter(&mut model);
+    sets.record_for_changes(&mut model);
     Ok(Identified { model, condition: identified.condition, motors, rotors, refinement })
 }
 

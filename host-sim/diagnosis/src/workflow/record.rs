@@ -12,7 +12,7 @@ use crate::workflow::sets::FlightSets;
 
 impl FlightSets {
     /// The flights behind a model, its errors on both sets, and what of it they do not determine. `rotation_refused` says why it
-    /// has no rotation. How far the flights scatter about it comes with [`record_scatter`](Self::record_scatter).
+    /// has no rotation. What new flights are held against comes with [`record_for_changes`](Self::record_for_changes).
     pub(crate) fn record(&self, model: &Model, rotation_refused: Vec<String>) -> FitRecord {
         let mut flights = entries(self.training.loaded(), FlightRole::Train);
         flights.extend(entries(self.held_out.loaded(), FlightRole::Validate));
@@ -30,8 +30,6 @@ impl FlightSets {
                 model,
                 all.iter().copied().zip(fitted.iter().chain(&held_out)),
             ),
-            motor_answers: motor_answers::record(model, &all),
-            tracker_mount: tracker_mount::record(model, &all),
             rotor_delay_s: sysid::fit::alignment::common_delay_s(model, &train),
             rotation_refused,
             not_identified,
@@ -44,13 +42,16 @@ impl FlightSets {
         self.record(model, before.fit.as_ref().map_or_else(Vec::new, |fit| fit.rotation_refused.clone()))
     }
 
-    /// Adds to the record of a model how far each change's estimate scatters between the flights. New flights are held against that, so
-    /// a model that is kept needs it; it is as much work as many fits, so one on the way to another does not.
-    pub fn record_scatter(&self, model: &mut Model) {
+    /// Adds to the record of a model what new flights are held against: how far each change's estimate scatters between the flights, the
+    /// motors' answers to their commands, and how the tracker lies against the accelerometer. A model that is kept needs it; it is as much
+    /// work as many fits, so one on the way to another does not.
+    pub fn record_for_changes(&self, model: &mut Model) {
         let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
         let scatter = scatter(model, &all);
+        let motor_answers = motor_answers::record(model, &all);
+        let tracker_mount = tracker_mount::record(model, &all);
         if let Some(fit) = &mut model.fit {
-            fit.scatter = scatter;
+            (fit.scatter, fit.motor_answers, fit.tracker_mount) = (scatter, motor_answers, tracker_mount);
         }
     }
 }

@@ -152,7 +152,7 @@ fn finish(
 ) -> anyhow::Result<String> {
     let page = options.out.join("report.html");
     let mut basic = explanation.basic.clone();
-    sets.record_scatter(&mut basic);
+    sets.record_for_changes(&mut basic);
     report::write_atomic(options.out.join("basic.toml"), basic.to_toml())?;
     report::write_atomic(options.out.join("better.toml"), explanation.model.to_toml())?;
     pages::explanation(lead, sets, explanation)

@@ -205,7 +205,7 @@ impl Work<'_> {
         sets: &FlightSets,
         command: &str,
     ) -> Result<(), Refused> {
-        explanation.on_the_way_mut().for_each(|model| sets.record_scatter(model));
+        explanation.on_the_way_mut().for_each(|model| sets.record_for_changes(model));
         let mut id = self.keep(None, None, explanation.basic, command)?;
         for step in explanation.steps {
             self.session.tell_of(id, |node| node.diagnosis = Some(document(&step.diagnosis)))?;
