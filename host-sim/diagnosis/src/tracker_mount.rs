@@ -4,7 +4,7 @@
 use model::{FitRecord, Model, TrackerMountRecord};
 use report::number::fixed;
 use sysid::Prepared;
-use sysid::checks::tracker_mount::{TrackerMount, of_flight};
+use sysid::checks::tracker_mount::{Lever, TrackerMount, of_flight};
 
 use crate::motor_answers::mean_and_deviation;
 
@@ -20,13 +20,14 @@ const FEWEST_LEVERS: usize = 3;
 
 /// How the tracker saw the body in the flights of a model; nothing where these do not tell.
 pub(crate) fn record(model: &Model, flights: &[&Prepared]) -> Option<TrackerMountRecord> {
-    let all: Vec<TrackerMount> = flights.iter().filter_map(|f| of_flight(f, &model.vehicle)).collect();
+    let all = mounts(model, flights);
     if all.len() < FEWEST {
         return None;
     }
-    let tilt = each_axis(&tilts(&all));
+    let tilt = each_axis(&all, |of| of.tilt_rad, mean_and_deviation);
     let levers = levers(&all);
-    let lever = (levers.len() >= FEWEST_LEVERS).then(|| each_axis(&levers));
+    let lever =
+        (levers.len() >= FEWEST_LEVERS).then(|| each_axis(&levers, |of| of.value_m, mean_and_deviation));
     Some(TrackerMountRecord {
         tilt_rad: tilt.map(|of| of.0),
         tilt_deviation_rad: tilt.map(|of| of.1),
@@ -35,49 +36,50 @@ pub(crate) fn record(model: &Model, flights: &[&Prepared]) -> Option<TrackerMoun
     })
 }
 
-/// Standard error of a mean.
-fn mean_error(errors: impl Iterator<Item = f64>) -> f64 {
-    let (count, squares) =
-        errors.fold((0.0, 0.0), |(count, squares), error| (count + 1.0, squares + error * error));
-    f64::sqrt(squares) / count
+/// Of the flights that tell.
+fn mounts(model: &Model, flights: &[&Prepared]) -> Vec<TrackerMount> {
+    flights.iter().filter_map(|flight| of_flight(flight, &model.vehicle)).collect()
 }
 
-fn tilts(all: &[TrackerMount]) -> Vec<[f64; 2]> {
-    all.iter().map(|of| of.tilt_rad).collect()
+/// Of the flights whose lever is known.
+fn levers(all: &[TrackerMount]) -> Vec<Lever> {
+    all.iter().filter_map(|of| of.lever).collect()
 }
 
-fn levers(all: &[TrackerMount]) -> Vec<[f64; 3]> {
-    all.iter().filter_map(|of| of.lever_m).collect()
+/// A statistic of the flights along each axis.
+fn each_axis<Flight, Statistic, const N: usize>(
+    flights: &[Flight],
+    value: impl Fn(&Flight) -> [f64; N],
+    statistic: impl Fn(&[f64]) -> Statistic,
+) -> [Statistic; N] {
+    std::array::from_fn(|k| statistic(&flights.iter().map(|of| value(of)[k]).collect::<Vec<_>>()))
 }
 
-/// Mean and deviation along each axis.
-fn each_axis<const N: usize>(flights: &[[f64; N]]) -> [(f64, f64); N] {
-    std::array::from_fn(|k| mean_and_deviation(&flights.iter().map(|of| of[k]).collect::<Vec<_>>()))
+/// Standard error of a mean of values with these standard errors.
+fn mean_error(errors: &[f64]) -> f64 {
+    errors.iter().map(|error| error * error).sum::<f64>().sqrt() / errors.len() as f64
 }
 
 /// What is to be said of new flights in which the tracker sees the body in another way; nothing where it sees it as before.
 pub(crate) fn changed(model: &Model, flights: &[&Prepared]) -> Option<String> {
     let was = model.fit.as_ref().and_then(|fit: &FitRecord| fit.tracker_mount)?;
-    let all: Vec<TrackerMount> = flights.iter().filter_map(|f| of_flight(f, &model.vehicle)).collect();
+    let all = mounts(model, flights);
     if all.is_empty() {
         return None;
     }
     let counts_from = |deviation: f64, least: f64, error: f64| DEVIATIONS * deviation.max(least).hypot(error);
-    let tilt_rad = each_axis(&tilts(&all));
+    let tilt_rad = each_axis(&all, |of| of.tilt_rad, mean_and_deviation);
+    let tilt_error_rad = each_axis(&all, |of| of.tilt_error_rad, mean_error);
     let turned_rad = [0, 1].map(|k| {
-        let error = mean_error(all.iter().map(|of| of.tilt_error_rad[k]));
-        (tilt_rad[k].0 - was.tilt_rad[k], counts_from(was.tilt_deviation_rad[k], TILT_RAD, error))
+        let least_rad = counts_from(was.tilt_deviation_rad[k], TILT_RAD, tilt_error_rad[k]);
+        (tilt_rad[k].0 - was.tilt_rad[k], least_rad)
     });
     let levers = levers(&all);
     let known = was.lever_m.zip(was.lever_deviation_m).filter(|_| !levers.is_empty());
     let moved_m = known.map(|(mean_m, deviation_m)| {
-        let lever_m = each_axis(&levers);
-        [0, 1, 2].map(|k| {
-            // Only flights whose lever is known are in the mean, and so in its error.
-            let error =
-                mean_error(all.iter().filter(|of| of.lever_m.is_some()).map(|of| of.lever_error_m[k]));
-            (lever_m[k].0 - mean_m[k], counts_from(deviation_m[k], LEVER_M, error))
-        })
+        let lever_m = each_axis(&levers, |of| of.value_m, mean_and_deviation);
+        let error_m = each_axis(&levers, |of| of.error_m, mean_error);
+        [0, 1, 2].map(|k| (lever_m[k].0 - mean_m[k], counts_from(deviation_m[k], LEVER_M, error_m[k])))
     });
     said(turned_rad, moved_m)
 }
@@ -110,8 +112,8 @@ mod tests {
 
     #[test]
     fn the_error_of_a_mean_falls_with_the_root_of_the_count() {
-        assert!((mean_error([0.3].into_iter()) - 0.3).abs() < 1e-15);
-        assert!((mean_error([0.3; 9].into_iter()) - 0.1).abs() < 1e-15);
+        assert!((mean_error(&[0.3]) - 0.3).abs() < 1e-15);
+        assert!((mean_error(&[0.3; 9]) - 0.1).abs() < 1e-15);
     }
 
     #[test]

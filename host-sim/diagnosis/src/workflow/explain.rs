@@ -91,12 +91,12 @@ impl Explanation {
         self.steps.last().map_or(&self.basic, |step| &step.model)
     }
 
-    /// The models on the way to the last. One that is kept as well needs [`record_for_changes`](FlightSets::record_for_changes) before new flights
-    /// are held against it.
+    /// The models on the way to that at the end. One that is kept as well needs [`record_for_changes`](FlightSets::record_for_changes) before new
+    /// flights are held against it.
     pub fn on_the_way_mut(&mut self) -> impl Iterator<Item = &mut Model> {
-        let before_last = self.steps.len();
+        let on_the_way = self.steps.len() + usize::from(self.refinement.is_some());
         let steps = self.steps.iter_mut().map(|step| &mut step.model);
-        std::iter::once(&mut self.basic).chain(steps).take(before_last)
+        std::iter::once(&mut self.basic).chain(steps).take(on_the_way)
     }
 
     /// What is found in the basic model.
@@ -192,11 +192,12 @@ pub fn explain(
     }
     warn_of_clocks(sets, observer);
     warn_of_one_heading(&explanation.found(), sets, observer);
-    let last = explanation.steps.last_mut().map_or(&mut explanation.basic, |step| &mut step.model);
-    sets.record_for_changes(last);
-    (explanation.model, explanation.refinement) = refine(last.clone(), sets, rows, observer)?;
-    if explanation.refinement.is_some() {
-        sets.record_for_changes(&mut explanation.model);
+    (explanation.model, explanation.refinement) =
+        refine(explanation.last_model().clone(), sets, rows, observer)?;
+    sets.record_for_changes(&mut explanation.model);
+    if explanation.refinement.is_none() {
+        let last = explanation.steps.last_mut().map_or(&mut explanation.basic, |step| &mut step.model);
+        last.clone_from(&explanation.model);
     }
     explanation.rotors = sets.compare_rotors(explanation.last_model());
     let verdicts = explanation.verdicts();
@@ -511,6 +512,16 @@ mod tests {
         let mut explanation = explanation(steps, Verdict::Adequate);
         let on_the_way: Vec<Model> = explanation.on_the_way_mut().map(|model| model.clone()).collect();
         assert_eq!(on_the_way, [explanation.basic.clone(), explanation.steps[0].model.clone()]);
+        explanation.refinement = Some(RefinementOutcome {
+            rows: Rows::All,
+            kept: true,
+            reason: String::new(),
+            before: sysid::compare::HorizonError::default(),
+            after: sysid::compare::HorizonError::default(),
+            steps: 1,
+        });
+        assert_eq!(explanation.on_the_way_mut().count(), 3, "a refined model follows the last of the steps");
+        explanation.refinement = None;
         explanation.steps.clear();
         assert_eq!(explanation.on_the_way_mut().count(), 0);
     }

@@ -33,10 +33,17 @@ pub struct TrackerMount {
     pub tilt_rad: [f64; 2],
     /// Their standard errors, rad.
     pub tilt_error_rad: [f64; 2],
-    /// Tracked point from the accelerometer, body FRD, m. Absent where the craft hardly turned.
-    pub lever_m: Option<[f64; 3]>,
+    /// Absent where the craft hardly turned.
+    pub lever: Option<Lever>,
+}
+
+/// Tracked point from the accelerometer, body FRD.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Lever {
+    /// Along each axis, m.
+    pub value_m: [f64; 3],
     /// Standard errors of that, m.
-    pub lever_error_m: [f64; 3],
+    pub error_m: [f64; 3],
 }
 
 /// Of a flight with a motion capture and an accelerometer; nothing of others.
@@ -58,13 +65,13 @@ pub fn of_flight(flight: &Prepared, vehicle: &Vehicle) -> Option<TrackerMount> {
     let error = |k: usize| solution.covariance[(k, k)].max(0.0).sqrt();
     let tilt_error_rad = [1, 0].map(|k| error(k) / vehicle.gravity);
     let is_known = tilt_error_rad.iter().all(|error| *error < KNOWN_RAD);
-    let lever = [LEVER, LEVER + 1, LEVER + 2];
-    let has_lever = lever.iter().all(|k| error(*k) < KNOWN_M);
+    let places = [LEVER, LEVER + 1, LEVER + 2];
+    let lever = Lever { value_m: places.map(of), error_m: places.map(error) };
+    let has_lever = lever.error_m.iter().all(|error| *error < KNOWN_M);
     is_known.then(|| TrackerMount {
         tilt_rad: tilt_rad(&solution.value),
         tilt_error_rad,
-        lever_m: has_lever.then(|| lever.map(of)),
-        lever_error_m: lever.map(error),
+        lever: has_lever.then_some(lever),
     })
 }
 
@@ -139,7 +146,7 @@ mod tests {
             let found_deg = (now.tilt_rad[axis] - before.tilt_rad[axis]).to_degrees();
             assert!((found_deg - degrees).abs() < 0.05, "{found_deg} for {degrees}");
         }
-        let [now_m, before_m] = [now, before].map(|of| Vector3::from(of.lever_m.unwrap()));
+        let [now_m, before_m] = [now, before].map(|of| Vector3::from(of.lever.unwrap().value_m));
         assert!((now_m - before_m - lever_m).norm() < 0.001, "{now_m:?} {before_m:?}");
     }
 }
