@@ -1,13 +1,12 @@
 //! One flight of a campaign, and what came of it.
 
-use control::state_machine::{Action, action};
-use control::{Condition, Conditions, State};
-use sil::endurance::{Crash, Feasibility, Watched, fly_watched};
-use sil::{FlightPlan, Recording, Row, ScenarioResult, SilError};
+use sil::endurance::{Crashed, Feasibility, Observer, Watched, fly_watched, until_crash};
+use sil::{FlightPlan, Recording, Row, SilError};
 
 use crate::draw::{Drawn, Flies};
 use crate::error::CampaignError;
 use crate::plan::{Case, Plan, Ready};
+use crate::seen::Seen;
 
 /// State of the supervisor in a flight that was flown as commanded.
 pub(crate) const FLYING: &str = "flying";
@@ -82,52 +81,55 @@ impl Ready<'_> {
         self.fly_all(cases).collect()
     }
 
-    /// Flies a case with other numbers than were drawn for it.
-    pub(crate) fn fly_as(&self, case: Case, drawn: Drawn) -> Result<CaseFlight, CampaignError> {
-        let mut flown = self.fly_with(vec![(case, drawn)], |flown, recording| ((flown, recording), vec![]));
+    /// Flies a case with other numbers than were drawn for it, and records it.
+    fn fly_as(&self, case: Case, drawn: Drawn) -> Result<CaseFlight, CampaignError> {
+        let planned = Planned::new(self, case, drawn);
+        let record = |_, Watched { recording, crash }| {
+            let mut seen = Seen::new(&planned);
+            recording.rows.iter().for_each(|row| seen.tick(row));
+            ((seen.end(crash), recording), vec![])
+        };
+        let flown = fly_watched(&[&planned.plan], record).pop();
         let none = CampaignError::NoSuchCase { case: case.number, cases: self.plan.cases() };
-        let (plan, (flown, recording)) = flown.next().unwrap_or(Err(none))?;
-        Ok(CaseFlight { flown: flown.judged(&plan, &mut Feasibility::default()), plan, recording })
+        let (flown, recording) = flown.ok_or(none)?.map_err(|why| planned.refused(&why))?;
+        Ok(CaseFlight {
+            flown: planned.judged(flown, &mut Feasibility::default()),
+            plan: planned.plan,
+            recording,
+        })
     }
 
-    /// What comes of cases with these numbers, flown side by side, each as if it was alone.
+    /// What comes of a case with other numbers than were drawn for it.
+    pub(crate) fn flown_as(&self, case: Case, drawn: Drawn) -> Result<Flown, CampaignError> {
+        let none = CampaignError::NoSuchCase { case: case.number, cases: self.plan.cases() };
+        self.fly_all(vec![(case, drawn)]).next().unwrap_or(Err(none))
+    }
+
+    /// What comes of cases with these numbers, flown side by side, each as if it was alone. Nothing is recorded: what comes of a flight is
+    /// gathered while it lasts.
     pub(crate) fn fly_all(
         &self,
         cases: Vec<(Case, Drawn)>,
     ) -> impl Iterator<Item = Result<Flown, CampaignError>> {
-        let mut feasibility = Feasibility::default();
-        let all = self.fly_with(cases, |flown, recording| (flown, recording.rows));
-        all.map(move |one| one.map(|(plan, flown)| flown.judged(&plan, &mut feasibility)))
-    }
-
-    /// Flies them, and makes something of each while its recording is at hand; with the rows that it gives back the next is flown.
-    fn fly_with<T>(
-        &self,
-        cases: Vec<(Case, Drawn)>,
-        mut make: impl FnMut(Flown, Recording) -> (T, Vec<Row>),
-    ) -> impl Iterator<Item = Result<(FlightPlan, T), CampaignError>> {
-        let flights: Vec<Planned> =
+        let planned: Vec<Planned> =
             cases.into_iter().map(|(case, drawn)| Planned::new(self, case, drawn)).collect();
-        let plans: Vec<&FlightPlan> = flights.iter().map(|flight| &flight.plan).collect();
-        let made = fly_watched(&plans, |number, watched| {
-            let (flown, recording) = flights[number].came_of(watched);
-            make(flown, recording)
-        });
-        flights.into_iter().zip(made).map(|(flight, made)| {
-            let refused =
-                |why: SilError| CampaignError::Flight { case: flight.case.number, why: why.to_string() };
-            let made = made.map_err(refused)?;
-            Ok((flight.plan, made))
+        let plans: Vec<&FlightPlan> = planned.iter().map(|planned| &planned.plan).collect();
+        let mut outcomes = Outcomes { planned: &planned, seen: planned.iter().map(|_| None).collect() };
+        let made = until_crash(&plans, &mut outcomes);
+        let mut feasibility = Feasibility::default();
+        planned.into_iter().zip(made).map(move |(planned, made)| match made {
+            Ok(flown) => Ok(planned.judged(flown, &mut feasibility)),
+            Err(why) => Err(planned.refused(&why)),
         })
     }
 }
 
 /// A flight before it is flown.
-struct Planned {
-    case: Case,
-    drawn: Drawn,
-    flies: Flies,
-    plan: FlightPlan,
+pub(crate) struct Planned {
+    pub(crate) case: Case,
+    pub(crate) drawn: Drawn,
+    pub(crate) flies: Flies,
+    pub(crate) plan: FlightPlan,
 }
 
 impl Planned {
@@ -136,88 +138,36 @@ impl Planned {
         Self { case, flies, plan: drawn.plan(flies, &ready.configs[case.gains]), drawn }
     }
 
-    /// What came of it, but for whether anybody could have flown it, and its recording.
-    fn came_of(&self, watched: Watched) -> (Flown, Recording) {
-        let mut recording = watched.recording;
-        let mut lost = watched.crash.map(|(crash, at_s)| (told(&crash), at_s));
-        let tilted = recording.rows.iter().position(|row| row.truth.upright() <= 0.0);
-        if let Some(row) = tilted.filter(|_| lost.is_none()) {
-            lost = Some(("upside down".into(), recording.time_s(row)));
-        }
-        let (mut requirements_hold, mut overshoot_percent, mut rise_s) = (None, f64::NAN, f64::NAN);
-        if let Flies::Scenario(scenario) = self.flies {
-            let result = ScenarioResult::new(scenario, self.plan.clone(), recording);
-            requirements_hold = Some(result.pass());
-            if let Some(metrics) = result.metrics {
-                overshoot_percent = metrics.overshoot_percent;
-                rise_s = metrics.rise_s.unwrap_or(f64::NAN);
-            }
-            recording = result.recording;
-        }
-        let flown = Flown {
-            case: self.case,
-            drawn: self.drawn.clone(),
-            duration_s: self.plan.duration_s,
-            lost,
-            impossible: None,
-            ended: recording
-                .rows
-                .last()
-                .map_or(String::new(), |row| format!("{:?}", row.supervision.state).to_lowercase()),
-            events: events(&recording),
-            requirements_hold,
-            overshoot_percent,
-            rise_s,
-            tilt_deg: tilt_deg(&recording),
-            height_error_m: height_error_m(&recording),
-            saturated_percent: 100.0 * recording.saturated_ticks(self.plan.config.command_range) as f64
-                / recording.rows.len().max(1) as f64,
-        };
-        (flown, recording)
+    fn refused(&self, why: &SilError) -> CampaignError {
+        CampaignError::Flight { case: self.case.number, why: why.to_string() }
+    }
+
+    /// What came of it, with whether anybody could have flown it, which is no matter of how it was flown.
+    fn judged(&self, mut flown: Flown, feasibility: &mut Feasibility) -> Flown {
+        flown.impossible = feasibility.impossible(&self.plan).map(|why| why.to_string());
+        flown.lost = flown.lost.filter(|_| flown.impossible.is_none());
+        flown
     }
 }
 
-impl Flown {
-    /// The same with whether anybody could have flown it, which is no matter of how it was flown.
-    fn judged(mut self, plan: &FlightPlan, feasibility: &mut Feasibility) -> Self {
-        self.impossible = feasibility.impossible(plan).map(|why| why.to_string());
-        self.lost = self.lost.filter(|_| self.impossible.is_none());
-        self
+/// Gathers what comes of flights while they last.
+struct Outcomes<'a> {
+    planned: &'a [Planned],
+    /// Of each that has begun and not ended.
+    seen: Vec<Option<Seen<'a>>>,
+}
+
+impl Observer for Outcomes<'_> {
+    type Made = Flown;
+
+    #[inline]
+    fn tick(&mut self, number: usize, row: &Row) {
+        self.seen[number].get_or_insert_with(|| Seen::new(&self.planned[number])).tick(row);
     }
-}
 
-/// A crash in words without numbers, so that equal ones can be counted.
-fn told(crash: &Crash) -> String {
-    match crash {
-        Crash::Cut(conditions) => {
-            let cuts = |condition: &&Condition| {
-                action(State::Flying, Conditions::from_bits(condition.bit())) >= Action::Cut
-            };
-            let names: Vec<&str> = conditions.iter().filter(cuts).map(|condition| condition.name()).collect();
-            format!("motors cut: {}", names.join(", "))
-        }
-        Crash::DisarmedAt(_) => "disarmed in the air".into(),
-        Crash::Floor(_) => "hit the floor".into(),
-        Crash::Cage(_) => "left the cage".into(),
-        Crash::Lost => "not finite".into(),
+    fn end(&mut self, number: usize, crash: Crashed) -> Flown {
+        self.seen[number].take().unwrap_or_else(|| Seen::new(&self.planned[number])).end(crash)
     }
-}
-
-/// The names of all conditions that the supervisor saw.
-fn events(recording: &Recording) -> String {
-    let seen = recording.rows.iter().fold(0, |seen, row| seen | row.supervision.conditions);
-    let names: Vec<&str> = Conditions::from_bits(seen).iter().map(|condition| condition.name()).collect();
-    names.join(SEPARATOR)
-}
-
-fn tilt_deg(recording: &Recording) -> f64 {
-    let least = recording.rows.iter().map(|row| row.truth.upright()).fold(1.0, f64::min);
-    least.clamp(-1.0, 1.0).acos().to_degrees()
-}
-
-fn height_error_m(recording: &Recording) -> f64 {
-    let square = |row: &sil::Row| f64::from(row.truth.position_m[2] - row.output.z_command_m).powi(2);
-    (recording.rows.iter().map(square).sum::<f64>() / recording.rows.len().max(1) as f64).sqrt()
 }
 
 #[cfg(test)]

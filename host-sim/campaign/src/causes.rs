@@ -75,7 +75,7 @@ impl Trials<'_> {
         };
         let drawn = self.drawn.changed(change, with_fault, &self.ready.model);
         self.flown += 1;
-        let flown = self.ready.fly_as(self.case, drawn)?.flown;
+        let flown = self.ready.flown_as(self.case, drawn)?;
         Ok(flown.lost.or_else(|| flown.impossible.map(|why| (why, f64::NAN))))
     }
 }

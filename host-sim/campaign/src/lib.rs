@@ -19,6 +19,7 @@ mod normal;
 mod part;
 mod plan;
 mod search;
+mod seen;
 mod statistics;
 mod summary;
 mod truncation;

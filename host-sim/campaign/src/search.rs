@@ -106,7 +106,7 @@ impl Trials<'_> {
     }
 
     fn fly(&self, drawn: Drawn) -> Result<Flown, CampaignError> {
-        Ok(self.ready.fly_as(self.case, drawn)?.flown)
+        self.ready.flown_as(self.case, drawn)
     }
 }
 

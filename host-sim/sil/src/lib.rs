@@ -46,7 +46,7 @@ pub use experiments::{manoeuvre, next_flight, predict};
 pub use failsafe::{Drill, DrillResult, ExpectedResponse, drills};
 pub use flight::{
     CAGE_M, ClosedLoop, FlightPlan, Recording, Row, Script, SilError, StepAxis, StepCommand, Truth, Waypoint,
-    designed_config, fly, fly_over, flyable, for_identification,
+    designed_config, fly, fly_over, flyable, for_identification, time_of_row_s,
 };
 pub use flight_computer::{
     Emulated, Emulation, FlightComputer, FlightComputerError, InProcess, Processor, Udp,
@@ -55,5 +55,5 @@ pub use flight_computer::{
 pub use flight_computer::{Iceoryx2, serve};
 pub use laboratory::{Laboratory, Radio, Room};
 pub use scenarios::{
-    RequirementCheck, Scenario, ScenarioResult, Settings, Suite, Transport, page, reference,
+    Judge, Judged, RequirementCheck, Scenario, ScenarioResult, Settings, Suite, Transport, page, reference,
 };

@@ -24,4 +24,6 @@ pub use memory::{Memory, MemoryError};
 pub use missions::{Missions, Seen};
 pub use monte_carlo::{Conditions, Survey, drawn_fault, survey};
 pub use soak::{Soak, SoakReport, soak};
-pub use watched::{Feasibility, Impossible, Watched, fly_watched, impossible};
+pub use watched::{
+    Crashed, Feasibility, Impossible, Observer, Watched, fly_watched, impossible, until_crash,
+};

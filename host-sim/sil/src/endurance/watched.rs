@@ -97,10 +97,10 @@ fn tracker_off_m(plan: &FlightPlan) -> [f64; 3] {
 }
 
 /// How a flight crashed, and after how many s.
-pub(super) type Crashed = Option<(Crash, f64)>;
+pub type Crashed = Option<(Crash, f64)>;
 
 /// Who looks at many flights side by side, each by its number.
-pub(super) trait Observer {
+pub trait Observer {
     /// What is made of a flight.
     type Made;
 
@@ -111,12 +111,9 @@ pub(super) trait Observer {
     fn end(&mut self, number: usize, crash: Crashed) -> Self::Made;
 }
 
-/// Flies plans to their ends or crashes, side by side. There are walls unless the supervisor has no fence. What comes of each is an error
+/// Flies plans to their ends or crashes, side by side: each as if it was alone, to the bit, but many take less time together. There are walls unless the supervisor has no fence. What comes of each is an error
 /// where its plan or configuration cannot be flown.
-pub(super) fn until_crash<O: Observer>(
-    plans: &[&FlightPlan],
-    observer: &mut O,
-) -> Vec<Result<O::Made, SilError>> {
+pub fn until_crash<O: Observer>(plans: &[&FlightPlan], observer: &mut O) -> Vec<Result<O::Made, SilError>> {
     let begun = |plan: &&FlightPlan| {
         let watch = Watch::new(plan.config.sample_time_s, -plan.start_m[2], State::Flying);
         let caged = plan.config.supervision.fence != Fence::NONE;
@@ -156,8 +153,7 @@ pub struct Watched {
     pub crash: Option<(Crash, f64)>,
 }
 
-/// Flies plans to their ends or crashes: each as if it was alone, to the bit, but many take less time together. What comes of each is an
-/// error where its plan or configuration cannot be flown. Of each flight, by its number, `make` makes what is wanted of it when it ends,
+/// Flies plans as [`until_crash`] does and records them. Of each flight, by its number, `make` makes what is wanted of it when it ends,
 /// and gives back rows, its own or none, whose memory a later flight has: fresh memory for rows costs more than a fast flight's plant.
 pub fn fly_watched<T>(
     plans: &[&FlightPlan],

@@ -68,6 +68,62 @@ impl Truth {
     }
 }
 
+impl Row {
+    /// Whether a motor command stands at an end of its range.
+    #[inline]
+    pub fn is_saturated(&self, command_range: [f64; 2]) -> bool {
+        let [low, high] = command_range.map(|v| v as f32);
+        self.output.pwm.iter().any(|&pwm| pwm <= low || pwm >= high)
+    }
+
+    /// How far inside the cage the craft is, m; negative outside of it and below the floor.
+    #[inline]
+    pub fn cage_margin_m(&self) -> f64 {
+        let [x, y, z] = self.truth.position_m.map(f64::from);
+        let [x_limit, y_limit, ceiling] = CAGE_M;
+        (x_limit - x.abs()).min(y_limit - y.abs()).min(ceiling + z).min(-z)
+    }
+}
+
+/// Follows a craft from row to row, so that its yaw runs on through a turn.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Follower {
+    turns: f64,
+    /// Yaw of the row before, within half a turn, rad.
+    before_rad: Option<f64>,
+}
+
+impl Follower {
+    /// Phi, theta, psi in the next row, rad.
+    pub(crate) fn euler_rad(&mut self, truth: &Truth) -> [f64; 3] {
+        let [roll, pitch, yaw] = truth.euler_rad();
+        if let Some(before) = self.before_rad {
+            self.turns -= ((yaw - before) / std::f64::consts::TAU).round();
+        }
+        self.before_rad = Some(yaw);
+        [roll, pitch, yaw + self.turns * std::f64::consts::TAU]
+    }
+
+    /// One quantity of the craft in the next row.
+    #[inline]
+    pub(crate) fn value(&mut self, axis: StepAxis, truth: &Truth) -> f64 {
+        match axis {
+            StepAxis::Roll => self.euler_rad(truth)[0],
+            StepAxis::Pitch => self.euler_rad(truth)[1],
+            StepAxis::Yaw => self.euler_rad(truth)[2],
+            StepAxis::X => f64::from(truth.position_m[0]),
+            StepAxis::Y => f64::from(truth.position_m[1]),
+            StepAxis::Z => f64::from(truth.position_m[2]),
+        }
+    }
+}
+
+/// Time of a row of a flight, s.
+pub fn time_of_row_s(row: usize, period_s: f64) -> f64 {
+    // Through the nearest hundredth of a microsecond: 0.29 instead of 0.29000000000000004.
+    (row as f64 * period_s * 1e8).round() / 1e8
+}
+
 /// A flight as flown.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Recording {
@@ -83,54 +139,30 @@ pub struct Recording {
 impl Recording {
     /// Time of a row, s.
     pub fn time_s(&self, row: usize) -> f64 {
-        // Through the nearest hundredth of a microsecond: 0.29 instead of 0.29000000000000004.
-        (row as f64 * self.period_s * 1e8).round() / 1e8
+        time_of_row_s(row, self.period_s)
     }
 
     /// Phi, theta, psi of the craft in each row, rad; yaw runs on through a turn.
     pub fn euler_rad(&self) -> Vec<[f64; 3]> {
-        let mut turns = 0.0;
-        let mut before: Option<f64> = None;
-        let angles = self.rows.iter().map(|row| {
-            let [roll, pitch, yaw] = row.truth.euler_rad();
-            if let Some(before) = before {
-                turns -= ((yaw - before) / std::f64::consts::TAU).round();
-            }
-            before = Some(yaw);
-            [roll, pitch, yaw + turns * std::f64::consts::TAU]
-        });
-        angles.collect()
+        let mut follower = Follower::default();
+        self.rows.iter().map(|row| follower.euler_rad(&row.truth)).collect()
     }
 
     /// One quantity of the craft in each row.
     pub fn series(&self, axis: StepAxis) -> Vec<f64> {
-        let position = |k: usize| self.rows.iter().map(|row| f64::from(row.truth.position_m[k])).collect();
-        let angle = |k: usize| self.euler_rad().iter().map(|euler| euler[k]).collect();
-        match axis {
-            StepAxis::Roll => angle(0),
-            StepAxis::Pitch => angle(1),
-            StepAxis::Yaw => angle(2),
-            StepAxis::X => position(0),
-            StepAxis::Y => position(1),
-            StepAxis::Z => position(2),
-        }
+        let mut follower = Follower::default();
+        self.rows.iter().map(|row| follower.value(axis, &row.truth)).collect()
     }
 
     /// Ticks in which a motor command stood at an end of its range.
     pub fn saturated_ticks(&self, command_range: [f64; 2]) -> usize {
-        let [low, high] = command_range.map(|v| v as f32);
-        self.rows.iter().filter(|row| row.output.pwm.iter().any(|&pwm| pwm <= low || pwm >= high)).count()
+        self.rows.iter().filter(|row| row.is_saturated(command_range)).count()
     }
 
     /// How far the craft stayed inside the cage at its closest, m; negative if it left it or hit
     /// the floor.
     pub fn cage_margin_m(&self) -> f64 {
-        let margin = |row: &Row| {
-            let [x, y, z] = row.truth.position_m.map(f64::from);
-            let [x_limit, y_limit, ceiling] = CAGE_M;
-            (x_limit - x.abs()).min(y_limit - y.abs()).min(ceiling + z).min(-z)
-        };
-        self.rows.iter().map(margin).fold(f64::INFINITY, f64::min)
+        self.rows.iter().map(Row::cage_margin_m).fold(f64::INFINITY, f64::min)
     }
 
     /// The flight file of contract columns: poses as the sensors took them, gyro with its bias,

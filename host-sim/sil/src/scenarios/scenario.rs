@@ -14,10 +14,10 @@ use control::Config;
 use control::supervision_limits::Fence;
 use model::Model;
 
+use super::judge::Course;
 use crate::craft::NoiseModel;
 use crate::flight::{
-    FlightPlan, Recording, Script, StepAxis, StepCommand, Waypoint, battery_of, for_identification,
-    with_still_sensors,
+    FlightPlan, Script, StepAxis, StepCommand, Waypoint, battery_of, for_identification, with_still_sensors,
 };
 use design::analysis::StepMetrics;
 
@@ -85,7 +85,7 @@ pub struct RequirementCheck {
 /// The way-points of `pattern`, inertial NED, m: corners of the box at different heights, 8 s each.
 const PATTERN_M: [[f64; 3]; 5] =
     [[0.0, 0.0, -1.0], [1.2, 0.7, -1.4], [1.2, -0.7, -0.6], [-1.2, -0.7, -1.4], [-1.2, 0.7, -0.6]];
-const PATTERN_LEG_S: f64 = 8.0;
+pub(super) const PATTERN_LEG_S: f64 = 8.0;
 const EXCITATION_S: f64 = 30.0;
 
 impl Scenario {
@@ -138,7 +138,7 @@ impl Scenario {
     }
 
     /// What steps, and by how much (rad or m).
-    fn stepped(self) -> Option<(StepAxis, f64)> {
+    pub(super) fn stepped(self) -> Option<(StepAxis, f64)> {
         match self {
             Self::Roll10 => Some((StepAxis::Roll, 10_f64.to_radians())),
             Self::Pitch10 => Some((StepAxis::Pitch, 10_f64.to_radians())),
@@ -190,10 +190,10 @@ impl Scenario {
     }
 
     /// What the flight had to fulfil, and whether it did.
-    pub(crate) fn checks(
+    pub(super) fn checks(
         self,
         plan: &FlightPlan,
-        flight: &Recording,
+        course: &Course,
         metrics: Option<&StepMetrics>,
     ) -> Vec<RequirementCheck> {
         match (self, metrics) {
@@ -205,9 +205,9 @@ impl Scenario {
                 rise(m, 2.5),
                 at_most("steady-state error", m.steady_state_error.abs(), 0.05, "of the step"),
             ],
-            (Self::Hover, _) => hover_checks(plan, flight),
-            (Self::Pattern, _) => pattern_checks(plan, flight),
-            _ => vec![at_least("distance to floor and cage", flight.cage_margin_m(), 0.0, "m")],
+            (Self::Hover, _) => hover_checks(plan, course),
+            (Self::Pattern, _) => pattern_checks(plan, course),
+            _ => vec![at_least("distance to floor and cage", course.margin_m, 0.0, "m")],
         }
     }
 }
@@ -245,33 +245,20 @@ fn rise(metrics: &StepMetrics, limit_s: f64) -> RequirementCheck {
 
 /// Reference: 0.0044 degrees and 0.075 mm with ideal sensors. Noise of 1 mrad shakes the weakly
 /// damped pitch loop.
-fn hover_checks(plan: &FlightPlan, flight: &Recording) -> Vec<RequirementCheck> {
+fn hover_checks(plan: &FlightPlan, course: &Course) -> Vec<RequirementCheck> {
     let (tilt_limit_deg, height_limit_mm) = if plan.noise.is_some() { (1.0, 5.0) } else { (0.02, 0.5) };
-    let greatest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0_f64, |a, b| a.max(b.abs()));
-    let tilt_rad = greatest(&mut flight.euler_rad().iter().flatten().copied());
-    let [_, _, z_m] = plan.start_m;
-    let height_m = greatest(&mut flight.rows.iter().map(|row| f64::from(row.truth.position_m[2]) - z_m));
     vec![
-        at_most("attitude", tilt_rad.to_degrees(), tilt_limit_deg, "deg"),
-        at_most("height error", 1e3 * height_m, height_limit_mm, "mm"),
+        at_most("attitude", course.angle_rad.to_degrees(), tilt_limit_deg, "deg"),
+        at_most("height error", 1e3 * course.height_m, height_limit_mm, "mm"),
     ]
 }
 
 /// The way-point is reached by the end of its leg, and the craft keeps to the cage.
-fn pattern_checks(plan: &FlightPlan, flight: &Recording) -> Vec<RequirementCheck> {
-    let Script::Waypoints { list, .. } = &plan.script else { return Vec::new() };
-    let leg_rows = (PATTERN_LEG_S / flight.period_s).round() as usize;
-    let misses = (1..).map(|leg| leg * leg_rows - 1).zip(list.iter().cycle());
-    let worst_m = misses
-        .map_while(|(row, waypoint)| {
-            let position_m = flight.rows.get(row)?.truth.position_m;
-            let miss = |(at, wanted): (f32, f64)| (f64::from(at) - wanted).powi(2);
-            Some(position_m.into_iter().zip(waypoint.position_m).map(miss).sum::<f64>().sqrt())
-        })
-        .fold(0.0, f64::max);
+fn pattern_checks(plan: &FlightPlan, course: &Course) -> Vec<RequirementCheck> {
+    let Script::Waypoints { .. } = &plan.script else { return Vec::new() };
     vec![
-        at_most("distance to the way-point at the end of a leg", worst_m, 0.3, "m"),
-        at_least("distance to floor and cage", flight.cage_margin_m(), 0.3, "m"),
+        at_most("distance to the way-point at the end of a leg", course.miss_m, 0.3, "m"),
+        at_least("distance to floor and cage", course.margin_m, 0.3, "m"),
     ]
 }
 

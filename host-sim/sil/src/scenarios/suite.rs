@@ -5,16 +5,14 @@ use std::path::Path;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use design::analysis::{StepMetrics, step_metrics, value_at};
+use design::analysis::{StepMetrics, value_at};
 
-use super::scenario::{RequirementCheck, Scenario, Settings, step_of};
+use super::judge::{Judge, Judged, passes};
+use super::scenario::{RequirementCheck, Scenario, Settings};
 use crate::flight::{FlightPlan, Recording, SilError, fly, fly_over};
 use crate::flight_computer::Emulation;
 #[cfg(feature = "shared-memory")]
 use crate::flight_computer::Iceoryx2;
-
-/// Overshoot beyond which control counts as lost, per cent (as in the reference).
-const LOST_OVERSHOOT_PERCENT: f64 = 50.0;
 
 /// Times after the step at which JSON gives the response, s.
 const SAMPLE_TIMES_S: [f64; 14] = [0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 10.0, 20.0, 30.0];
@@ -67,25 +65,16 @@ pub struct Suite {
 impl ScenarioResult {
     /// Checks a flight against its requirements.
     pub fn new(scenario: Scenario, plan: FlightPlan, recording: Recording) -> Self {
-        let response = response(&plan, &recording);
-        let metrics = (!response.is_empty()).then(|| step_metrics(&response, recording.period_s));
-        let upright = recording.rows.iter().all(|row| row.truth.upright() > 0.0);
-        let within = metrics.is_none_or(|m| m.overshoot_percent <= LOST_OVERSHOOT_PERCENT);
-        Self {
-            lost_control: !(recording.complete && upright && within),
-            saturated_ticks: recording.saturated_ticks(plan.config.command_range),
-            checks: scenario.checks(&plan, &recording, metrics.as_ref()),
-            scenario,
-            plan,
-            recording,
-            response,
-            metrics,
-        }
+        let mut judge = Judge::new(scenario, &plan);
+        recording.rows.iter().for_each(|row| judge.tick(row));
+        let Judged { response, metrics, lost_control, saturated_ticks, checks } =
+            judge.end(recording.complete);
+        Self { scenario, plan, recording, response, metrics, lost_control, saturated_ticks, checks }
     }
 
     /// Whether control was kept and every requirement holds.
     pub fn pass(&self) -> bool {
-        !self.lost_control && self.checks.iter().all(|check| check.holds)
+        passes(self.lost_control, &self.checks)
     }
 
     /// Time after the step in s and response, at the times that JSON gives.
@@ -97,13 +86,6 @@ impl ScenarioResult {
 
 /// The stepped quantity from the step on, divided by the step; empty without a step or when the
 /// flight ended before.
-fn response(plan: &FlightPlan, recording: &Recording) -> Vec<f64> {
-    let Some((step, base)) = step_of(plan) else { return Vec::new() };
-    let first = (step.at_s / recording.period_s).round() as usize;
-    let series = recording.series(step.axis);
-    series.get(first..).unwrap_or(&[]).iter().map(|value| (value - base) / step.size).collect()
-}
-
 fn fly_by(transport: &Transport, plan: &FlightPlan) -> Result<Recording, SilError> {
     match transport {
         Transport::InProcess => fly(plan),
