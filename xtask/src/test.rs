@@ -3,6 +3,7 @@
 //! The order is from quick and common to slow and rare. A step that cannot run is skipped aloud; in
 //! continuous integration (`CI=true`) that is a failure, since nobody would read it.
 
+use std::num::NonZero;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -31,6 +32,9 @@ pub(crate) struct Options {
     #[arg(value_name = "STEP", value_parser = STEPS.iter().chain(PARTS).map(|step| step.name).collect::<Vec<_>>())]
     steps: Vec<String>,
 }
+
+/// What tells nextest how many tests run at once.
+const TESTS_AT_ONCE: &str = "NEXTEST_TEST_THREADS";
 
 const STEPS: &[Step] = &[
     Step { name: "format", about: "sources are formatted", tools: &[&RUSTFMT], run: format },
@@ -219,9 +223,19 @@ fn doc_tests(_: &Workspace) -> Result<Outcome> {
     Ok(Outcome::Ran(harness(command)?))
 }
 
+/// How many tests run at once where the user does not say: half as many again as there are processors, for a third of the
+/// time of those that use a browser, a serial line or a network is waiting.
+fn tests_at_once() -> String {
+    let processors = std::thread::available_parallelism().map_or(1, NonZero::get);
+    processors.saturating_add(processors / 2).to_string()
+}
+
 /// Runs the tests with nextest, counting from its report and its list of ignored tests.
 fn with_nextest(workspace: &Workspace) -> Result<Outcome> {
     let mut command = cargo(["nextest", "run", "--workspace", "--profile", "xtask"]);
+    if std::env::var_os(TESTS_AT_ONCE).is_none() {
+        command.env(TESTS_AT_ONCE, tests_at_once());
+    }
     command.envs(arm::variables(workspace));
     let mut tally = nextest(command)?;
     let list = output_of(&mut cargo(["nextest", "list", "--workspace", "--message-format", "json"]));

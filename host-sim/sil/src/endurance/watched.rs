@@ -111,8 +111,8 @@ pub trait Observer {
     fn end(&mut self, number: usize, crash: Crashed) -> Self::Made;
 }
 
-/// Flies plans to their ends or crashes, side by side: each as if it was alone, to the bit, but many take less time together. There are walls unless the supervisor has no fence. What comes of each is an error
-/// where its plan or configuration cannot be flown.
+/// Flies plans to their ends or crashes, side by side: each as if it was alone, to the bit, but many take less time together. There are
+/// walls unless the supervisor has no fence. What comes of each is an error where its plan or configuration cannot be flown.
 pub fn until_crash<O: Observer>(plans: &[&FlightPlan], observer: &mut O) -> Vec<Result<O::Made, SilError>> {
     let begun = |plan: &&FlightPlan| {
         let watch = Watch::new(plan.config.sample_time_s, -plan.start_m[2], State::Flying);

@@ -84,8 +84,6 @@ impl ScenarioResult {
     }
 }
 
-/// The stepped quantity from the step on, divided by the step; empty without a step or when the
-/// flight ended before.
 fn fly_by(transport: &Transport, plan: &FlightPlan) -> Result<Recording, SilError> {
     match transport {
         Transport::InProcess => fly(plan),
