@@ -1,5 +1,6 @@
 //! Shards: parts of a campaign, each written whole or not at all.
 
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -179,10 +180,25 @@ pub fn claim(plan: &Plan, folder: &Path) -> Result<(), CampaignError> {
 fn program_sha256() -> String {
     static OWN: OnceLock<String> = OnceLock::new();
     let read = || {
-        let program = std::env::current_exe().and_then(std::fs::read);
-        program.map_or_else(|_| "unknown".into(), |bytes| hex(&Sha256::digest(bytes)))
+        let digest = std::env::current_exe().and_then(|program| file_sha256(&program));
+        digest.map_or_else(|_| "unknown".into(), |digest| hex(&digest))
     };
     OWN.get_or_init(read).clone()
+}
+
+/// Of a file, a piece at a time: fresh memory for a large one takes as long as its digest.
+fn file_sha256(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = std::fs::File::open(path)?;
+    let mut piece = vec![0; 1 << 16];
+    let mut digest = Sha256::new();
+    loop {
+        match file.read(&mut piece) {
+            Ok(0) => return Ok(digest.finalize().to_vec()),
+            Ok(count) => digest.update(&piece[..count]),
+            Err(why) if why.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(why) => return Err(why),
+        }
+    }
 }
 
 /// Key of the campaign in tables.
