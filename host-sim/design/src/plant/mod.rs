@@ -13,4 +13,6 @@ pub(crate) use linear::sign_matrix;
 pub use linear::{Linear, MatrixB, with_perturbation};
 pub use state_space::{Block, Input, Network, Output, StateSpace, Sweep};
 pub(crate) use trim::Slide;
-pub use trim::{Equilibrium, INPUT_UNITS, INPUTS, STATE_UNITS, STATES, TrimTarget, equilibrium};
+pub use trim::{
+    Equilibrium, INPUT_UNITS, INPUTS, STATE_UNITS, STATES, TrimTarget, equilibrium, hover_nearby,
+};

@@ -111,6 +111,20 @@ impl Dynamics {
         }
     }
 
+    /// Of a model that has what carries and turns it, and no states beside those of (5.13).
+    fn that_hover(model: &Model, target: &TrimTarget) -> Result<Self> {
+        for (effect, channel) in [(Effect::Thrust, "altitude"), (Effect::RotorMoments, "roll, pitch and yaw")]
+        {
+            if !model.has(effect) {
+                return Err(DesignError::MissingEffect { effect: effect.id(), channel });
+            }
+        }
+        if let Some(load) = model.effects().into_iter().find(|effect| effect.info().special.hangs_load) {
+            return Err(DesignError::Swinging { effect: load.id() });
+        }
+        Ok(Self::new(model, target.battery_v))
+    }
+
     /// Specific force and angular acceleration, the six rows of (4.3). What formulas look back at has always been as it is.
     fn accelerations(&self, z: &[f64; 12], rotor: &[f64; 4], rotor_acceleration: &[f64; 4]) -> [f64; 6] {
         let euler = Vector3::new(z[6], z[7], z[8]);
@@ -177,6 +191,17 @@ const MOST_EVALUATIONS: u32 = 50_000;
 impl<'a> Search<'a> {
     fn new(dynamics: &'a Dynamics, target: TrimTarget, hover_rad2_s2: f64) -> Self {
         Self { dynamics, target, hover_rad2_s2, evaluations: Cell::new(0) }
+    }
+
+    /// About rotors that carry the weight evenly.
+    fn from_hover(dynamics: &'a Dynamics, target: TrimTarget) -> Result<Self> {
+        let level = Self::new(dynamics, target, 1.0).state(&[0.0; 6]);
+        // Thrust of one (rad/s)^2 at each rotor, found where it is large against drag.
+        let per_square = dynamics.rotor_effort(&level, &[1000.0; 4])[0] / 1e6;
+        if !(per_square > 0.0) {
+            return Err(DesignError::Uncontrollable { channel: "z", input: "T_Z", output: "w" });
+        }
+        Ok(Self::new(dynamics, target, dynamics.mass_kg * dynamics.gravity_m_s2 / per_square))
     }
 
     fn count(&self) -> std::result::Result<(), argmin::core::Error> {
@@ -248,24 +273,8 @@ const ENOUGH: f64 = 1e-24;
 /// # Errors
 /// A model without thrust or rotor moments, or without an equilibrium.
 pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
-    for (effect, channel) in [(Effect::Thrust, "altitude"), (Effect::RotorMoments, "roll, pitch and yaw")] {
-        if !model.has(effect) {
-            return Err(DesignError::MissingEffect { effect: effect.id(), channel });
-        }
-    }
-    if let Some(load) = model.effects().into_iter().find(|effect| effect.info().special.hangs_load) {
-        return Err(DesignError::Swinging { effect: load.id() });
-    }
-    let dynamics = &Dynamics::new(model, target.battery_v);
-    let no_thrust = DesignError::Uncontrollable { channel: "z", input: "T_Z", output: "w" };
-    let level = Search::new(dynamics, *target, 1.0).state(&[0.0; 6]);
-    // Thrust of one (rad/s)^2 at each rotor, found where it is large against drag.
-    let per_square = dynamics.rotor_effort(&level, &[1000.0; 4])[0] / 1e6;
-    if !(per_square > 0.0) {
-        return Err(no_thrust);
-    }
-    let hover_rad2_s2 = dynamics.mass_kg * dynamics.gravity_m_s2 / per_square;
-    let search = Search::new(dynamics, *target, hover_rad2_s2);
+    let dynamics = &Dynamics::that_hover(model, target)?;
+    let search = Search::from_hover(dynamics, *target)?;
     let (mut best, mut cost, iterations) = least_cost(&search)?;
     // The search may go round: of equal angles, those within half a turn.
     best[..2].iter_mut().for_each(|angle| *angle = frames::within_half_turn(*angle));
@@ -294,7 +303,7 @@ pub fn equilibrium(model: &Model, target: &TrimTarget) -> Result<Equilibrium> {
 
 /// Where the cost is least, the cost there, and the iterations that it took.
 fn least_cost(search: &Search) -> Result<(Vec<f64>, f64, u64)> {
-    let (mut best, mut cost, mut iterations) = (vec![0.0, 0.0, 1.0, 1.0, 1.0, 1.0], f64::INFINITY, 0);
+    let (mut best, mut cost, mut iterations) = (EVEN.to_vec(), f64::INFINITY, 0);
     // A line search ends where rounding hides the slope; starting again from there gains the last
     // digits.
     for _ in 0..6 {
@@ -319,6 +328,19 @@ fn least_cost(search: &Search) -> Result<(Vec<f64>, f64, u64)> {
     Ok((best, cost, iterations))
 }
 
+/// The rotor speeds of an equilibrium near level hover with even rotors, rad/s: what [`equilibrium`] finds there, sooner and as exactly as
+/// a craft is at rest. Nothing where there is none so near, which does not say that there is none.
+pub fn hover_nearby(model: &Model, target: &TrimTarget) -> Option<[f64; 4]> {
+    /// How far from level is near, rad, and how far squared speeds are from even, as a share: there both searches find the same. Farther
+    /// away, where a rotor all but stands, that of [`equilibrium`] can end without an answer.
+    const NEAR: [f64; 2] = [0.5, 0.3];
+    let dynamics = Dynamics::that_hover(model, target).ok()?;
+    let search = Search::from_hover(&dynamics, *target).ok()?;
+    let lean = search.newton(&EVEN)?;
+    let is_near = (0..6).all(|k| (lean[k] - EVEN[k]).abs() < NEAR[usize::from(k > 1)]);
+    is_near.then(|| search.rotor(&lean))
+}
+
 /// Equilibria of a craft that slides faster and faster, each found from the one before: six
 /// accelerations are to vanish by roll, pitch and four rotors, so Newton's method does, and where
 /// it does not there is none nearby.
@@ -329,6 +351,8 @@ pub(crate) struct Slide {
 
 /// Roll, pitch and squared rotor speeds over that of an even hover.
 pub(crate) type Lean = [f64; 6];
+/// Level, with even rotors.
+const EVEN: Lean = [0.0, 0.0, 1.0, 1.0, 1.0, 1.0];
 
 impl Slide {
     /// From hover at a battery voltage; the lean there too.
@@ -343,18 +367,26 @@ impl Slide {
     /// The lean and the rotor speeds, rad/s, of a slide at this velocity over ground, m/s, next to
     /// another.
     pub(crate) fn at(&self, velocity_ned_m_s: [f64; 3], near: &Lean) -> Option<(Lean, [f64; 4])> {
-        const ROUNDS: usize = 30;
         let target = TrimTarget { velocity_ned_m_s, ..TrimTarget::default() };
         let search = Search::new(&self.dynamics, target, self.hover_rad2_s2);
+        let lean = search.newton(near)?;
+        Some((lean, search.rotor(&lean)))
+    }
+}
+
+impl Search<'_> {
+    /// The equilibrium next to a lean by Newton's method: six accelerations are to vanish by roll, pitch and four rotors.
+    fn newton(&self, near: &Lean) -> Option<Lean> {
+        const ROUNDS: usize = 30;
         let accelerations = |x: &Lean| -> nalgebra::SVector<f64, 6> {
-            let rest = search.rest(x);
+            let rest = self.rest(x);
             nalgebra::SVector::from_fn(|i, _| rest[[3, 4, 5, 9, 10, 11][i]])
         };
         let mut lean = *near;
         for _ in 0..ROUNDS {
             let rest = accelerations(&lean);
             if rest.norm_squared() <= AT_REST {
-                return Some((lean, search.rotor(&lean)));
+                return Some(lean);
             }
             let mut slopes = nalgebra::SMatrix::<f64, 6, 6>::zeros();
             for k in 0..6 {
@@ -418,6 +450,23 @@ mod tests {
         model.set(Effect::SlungLoad, &[0.05, 0.4, 0.05]);
         let error = equilibrium(&model, &TrimTarget::default()).unwrap_err().to_string();
         assert!(error.contains("slung-load") && error.contains("mass-change"), "{error}");
+    }
+
+    /// A craft that leans against wind with a load on one side; half of one rotor's thrust gone is no hover near even rotors.
+    #[test]
+    fn what_is_found_nearby_is_the_equilibrium() {
+        let mut model = Model::thesis();
+        model.set(Effect::SteadyWind, &[2.0, -1.0]);
+        model.set(Effect::ComOffset, &[0.004, -0.002]);
+        let target = TrimTarget { battery_v: Some(10.9), ..TrimTarget::default() };
+        let both = equilibrium(&model, &target)
+            .unwrap()
+            .rotor_rad_s
+            .into_iter()
+            .zip(hover_nearby(&model, &target).unwrap());
+        both.for_each(|(far, near)| assert!((far / near - 1.0).abs() < 1e-7, "{far} {near}"));
+        model.set(Effect::MotorEfficiency, &[0.5, 0.0, 0.0, 0.0]);
+        assert_eq!(hover_nearby(&model, &target), None);
     }
 
     #[test]

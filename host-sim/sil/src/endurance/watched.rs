@@ -3,7 +3,7 @@
 use std::fmt;
 
 use control::supervision_limits::Fence;
-use design::plant::{TrimTarget, equilibrium};
+use design::plant::{TrimTarget, equilibrium, hover_nearby};
 use model::Plant;
 use proto::State;
 
@@ -13,6 +13,9 @@ use crate::flight::{FlightPlan, Recording, Row, SilError, fly_side_by_side};
 
 /// What the optimiser leaves of the derivatives' squares where there is an equilibrium, SI squared.
 const BALANCED: f64 = 1e-6;
+
+/// What two equilibria of a craft at rest may differ by in what they ask of a motor, with much to spare, command units.
+const SPARE: f64 = 1.0;
 
 /// Why a craft cannot hover in its air, whoever flies it.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -43,17 +46,29 @@ impl fmt::Display for Impossible {
 
 /// Why the craft of a plan cannot hover in its air, whoever flies it; nothing where it can.
 pub fn impossible(plan: &FlightPlan) -> Option<Impossible> {
-    let lowest_v = |rotor_rad_s: &[f64; 4]| plan.battery.voltage_v(plan.duration_s, rotor_rad_s);
-    let battery_v = lowest_v(&[plan.battery.hover_speed_rad_s; 4]);
-    let target = TrimTarget { battery_v: Some(battery_v), ..TrimTarget::default() };
+    let even_v = lowest_v(plan, &[plan.battery.hover_speed_rad_s; 4]);
+    let target = TrimTarget { battery_v: Some(even_v), ..TrimTarget::default() };
+    let [_, greatest] = plan.config.command_range;
+    // Nearly every craft hovers near level with much to spare, and then nobody asks by how much: a search for the last digits is for others.
+    if hover_nearby(&plan.model, &target).is_some_and(|rotor| asked(plan, &rotor) < greatest - SPARE) {
+        return None;
+    }
     let Some(hover) = equilibrium(&plan.model, &target).ok().filter(|hover| hover.cost < BALANCED) else {
         return Some(Impossible::NoEquilibrium);
     };
-    let lowest_v = lowest_v(&hover.rotor_rad_s);
-    let commands = Plant::new(&plan.model).command_for(&hover.rotor_rad_s, lowest_v);
-    let asked = commands.into_iter().fold(f64::NEG_INFINITY, f64::max) + weakness(plan);
-    let [_, greatest] = plan.config.command_range;
+    let (asked, lowest_v) = (asked(plan, &hover.rotor_rad_s), lowest_v(plan, &hover.rotor_rad_s));
     (asked > greatest).then_some(Impossible::TooWeak { asked, greatest, lowest_v })
+}
+
+/// The lowest voltage of the flight of a plan with these rotor speeds, V.
+fn lowest_v(plan: &FlightPlan, rotor_rad_s: &[f64; 4]) -> f64 {
+    plan.battery.voltage_v(plan.duration_s, rotor_rad_s)
+}
+
+/// The most that these rotor speeds ask of a motor at the lowest voltage, command units.
+fn asked(plan: &FlightPlan, rotor_rad_s: &[f64; 4]) -> f64 {
+    let commands = Plant::new(&plan.model).command_for(rotor_rad_s, lowest_v(plan, rotor_rad_s));
+    commands.into_iter().fold(f64::NEG_INFINITY, f64::max) + weakness(plan)
 }
 
 /// [`impossible`] of one flight after the other: the same craft under the same conditions is judged once, whatever gains fly it.
