@@ -131,7 +131,7 @@ impl NoiseSource {
     }
 
     /// The next sample.
-    pub(crate) fn sample(&mut self) -> NoiseSample {
+    pub(crate) fn sample(&mut self) -> &NoiseSample {
         let Self { model, position, attitude, gyro_bias_rad_s, now, generator } = self;
         let mut white = || -> f64 { StandardNormal.sample(generator) };
         for value in &mut now.position_m {
@@ -144,7 +144,7 @@ impl NoiseSource {
             *value = *bias + model.gyro_rad_s * white();
         }
         now.battery_v = model.battery_v * white();
-        *now
+        now
     }
 }
 
@@ -159,7 +159,7 @@ mod tests {
 
     fn record(model: NoiseModel, pick: impl Fn(&NoiseSample) -> f64) -> Vec<f64> {
         let mut source = NoiseSource::new(model, 0.01, 7);
-        (0..SAMPLES).map(|_| pick(&source.sample())).collect()
+        (0..SAMPLES).map(|_| pick(source.sample())).collect()
     }
 
     fn moments(values: &[f64]) -> (f64, f64, f64) {
@@ -200,7 +200,7 @@ mod tests {
         let model = NoiseModel { gyro_rad_s: 0.0, ..NoiseModel::default() };
         let values = record(model, |s| s.gyro_rad_s[0]);
         assert!(values.iter().all(|v| *v == values[0]) && values[0] != 0.0);
-        let first = |seed| NoiseSource::new(model, 0.01, seed).sample();
+        let first = |seed| *NoiseSource::new(model, 0.01, seed).sample();
         assert_eq!(first(1), first(1));
         assert_ne!(first(1).position_m, first(2).position_m);
         assert_ne!(first(1).gyro_rad_s, first(2).gyro_rad_s);

@@ -73,7 +73,8 @@ impl Row {
     #[inline]
     pub fn is_saturated(&self, command_range: [f64; 2]) -> bool {
         let [low, high] = command_range.map(|v| v as f32);
-        self.output.pwm.iter().any(|&pwm| pwm <= low || pwm >= high)
+        // All four at once: a branch for each would cost more.
+        self.output.pwm.iter().fold(false, |is, &pwm| is | (pwm <= low) | (pwm >= high))
     }
 
     /// How far inside the cage the craft is, m; negative outside of it and below the floor.

@@ -112,7 +112,8 @@ impl InProcess {
 }
 
 impl FlightComputer for InProcess {
-    #[inline]
+    // An answer that is used part by part where it is made need not be copied there as a whole.
+    #[inline(always)]
     fn tick(&mut self, tick: u32, readings: &Readings) -> Result<proto::Outcome, FlightComputerError> {
         Ok(convert::outcome(tick, self.autopilot.tick(readings)))
     }
