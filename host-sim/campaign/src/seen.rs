@@ -48,7 +48,7 @@ impl<'a> Seen<'a> {
     }
 
     /// Its next tick.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn tick(&mut self, row: &Row) {
         let upright = row.truth.upright();
         if upright <= 0.0 && self.tilted.is_none() {

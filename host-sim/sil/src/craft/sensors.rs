@@ -34,7 +34,8 @@ impl Sensors {
     }
 
     /// What the sensors measure of a state, now.
-    #[inline]
+    // Where it is used part by part it need not be copied as a whole.
+    #[inline(always)]
     pub fn sense(&mut self, state: &State, battery_v: f64) -> Measurement {
         let body = frames::dcm_from_quaternion(&state.attitude);
         let mut position_m = state.position_ned_m;
@@ -52,7 +53,7 @@ impl Sensors {
         };
         match &mut self.noise {
             None => ideal,
-            Some(source) => noisy(&ideal, &source.sample()),
+            Some(source) => noisy(&ideal, source.sample()),
         }
     }
 }
@@ -74,6 +75,7 @@ fn euler_rad(dcm: &Matrix3<f64>) -> [f32; 3] {
     ]
 }
 
+#[inline(always)]
 fn noisy(ideal: &Measurement, noise: &NoiseSample) -> Measurement {
     let sum = |values: [f32; 3], noise: [f64; 3]| -> [f32; 3] {
         std::array::from_fn(|k| values[k] + noise[k] as f32)

@@ -96,7 +96,7 @@ impl SimulatedCraft {
     }
 
     /// What the sensors measure now. To be called once a tick: each call draws new noise.
-    #[inline]
+    #[inline(always)]
     pub fn sense(&mut self, voltage_v: f64) -> Measurement {
         self.sensors.sense(&self.state, voltage_v)
     }
