@@ -58,7 +58,7 @@ fn compared(shape: u32, all: &[Drawn]) -> Result<(), TestCaseError> {
             }
             // One is not always flown.
             if lane != 1 || period != 2 {
-                abreast.put(lane, &together[lane], holds);
+                abreast.put(lane, &together[lane], &holds);
             } else {
                 together[lane] = alone[lane];
             }
@@ -115,12 +115,12 @@ fn a_lane_can_be_given_to_another_craft() {
     let begin = state(&[0.3; 12]);
     let mut abreast = Abreast::new();
     abreast.enter(3, &first);
-    abreast.put(3, &begin, holds(&first, &[0.2; 12], [1, 2]));
+    abreast.put(3, &begin, &holds(&first, &[0.2; 12], [1, 2]));
     abreast.advance();
     abreast.enter(3, &second);
     let (mut alone, mut together) = (begin, begin);
     let held = holds(&second, &[0.2; 12], [1, 2]);
-    abreast.put(3, &begin, held);
+    abreast.put(3, &begin, &held);
     abreast.advance();
     abreast.take(3, &mut together);
     for hold in held.iter().flatten() {

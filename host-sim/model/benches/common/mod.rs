@@ -58,7 +58,7 @@ impl Formation {
     pub(crate) fn step(&mut self) {
         let hold = Hold { commanded_rad_s: COMMANDED_RAD_S, substeps: self.substeps };
         for (lane, state) in self.states.iter().enumerate() {
-            self.abreast.put(lane, black_box(state), [Some(hold), None]);
+            self.abreast.put(lane, black_box(state), &[Some(hold), None]);
         }
         self.abreast.advance();
         for (lane, state) in self.states.iter_mut().enumerate() {

@@ -101,17 +101,19 @@ impl Abreast {
     }
 
     /// Where a craft is, and what it is commanded in the next [`Self::advance`].
-    pub fn put(&mut self, lane: usize, state: &State, holds: Holds) {
+    #[inline]
+    pub fn put(&mut self, lane: usize, state: &State, holds: &Holds) {
         let motion = &mut *self.motion;
         put(&mut motion.position_ned_m, lane, state.position_ned_m.as_ref());
         put(&mut motion.attitude, lane, state.attitude.as_ref());
         put(&mut motion.velocity_m_s, lane, state.velocity_m_s.as_ref());
         put(&mut motion.rate_rad_s, lane, state.rate_rad_s.as_ref());
         put(&mut motion.rotor_rad_s, lane, &state.rotor_rad_s);
-        self.holds[lane] = holds;
+        self.holds[lane] = *holds;
     }
 
     /// Where it is now; its load and its memory are none of this.
+    #[inline]
     pub fn take(&self, lane: usize, state: &mut State) {
         let motion = &*self.motion;
         state.position_ned_m = Vector3::from(got(&motion.position_ned_m, lane));

@@ -34,6 +34,7 @@ impl DelayLine {
     }
 
     /// What the rotors are commanded in one period in which `command` is given.
+    #[inline]
     pub fn holds(&mut self, plant: &Plant, command: &[f64; 4], battery_v: f64) -> Holds {
         self.waiting.push_back(*command);
         let hold = |substeps: Option<Substeps>, command: Option<&[f64; 4]>| {

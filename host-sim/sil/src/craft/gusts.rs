@@ -49,6 +49,7 @@ impl Gusts {
     }
 
     /// The wind of the next tick.
+    #[inline]
     fn blow(&mut self) {
         for wind in &mut self.wind_m_s {
             let kick: f64 = StandardNormal.sample(&mut self.generator);
@@ -57,12 +58,14 @@ impl Gusts {
     }
 
     /// A craft over ground as somebody sees it who moves with the air of the next tick.
+    #[inline]
     pub(crate) fn enter(&mut self, state: &mut State) {
         self.blow();
         state.velocity_m_s -= frames::dcm_from_quaternion(&state.attitude) * self.wind_m_s;
     }
 
     /// Back over ground, `period_s` later.
+    #[inline]
     pub(crate) fn leave(&self, state: &mut State, period_s: f64) {
         state.velocity_m_s += frames::dcm_from_quaternion(&state.attitude) * self.wind_m_s;
         state.position_ned_m += period_s * self.wind_m_s;

@@ -42,7 +42,7 @@ impl Sensors {
         if let Some(point) = &self.tracked_point_m {
             position_m += body.tr_mul(point);
         }
-        let ideal = Measurement {
+        let mut seen = Measurement {
             position_m: single(&position_m),
             attitude_rad: match &self.tilt {
                 None => euler_rad(&body),
@@ -51,10 +51,10 @@ impl Sensors {
             gyro_rad_s: Some(single(&state.rate_rad_s)),
             battery_v: battery_v as f32,
         };
-        match &mut self.noise {
-            None => ideal,
-            Some(source) => noisy(&ideal, source.sample()),
+        if let Some(source) = &mut self.noise {
+            disturb(&mut seen, source.sample());
         }
+        seen
     }
 }
 
@@ -76,16 +76,16 @@ fn euler_rad(dcm: &Matrix3<f64>) -> [f32; 3] {
 }
 
 #[inline(always)]
-fn noisy(ideal: &Measurement, noise: &NoiseSample) -> Measurement {
-    let sum = |values: [f32; 3], noise: [f64; 3]| -> [f32; 3] {
-        std::array::from_fn(|k| values[k] + noise[k] as f32)
+fn disturb(seen: &mut Measurement, noise: &NoiseSample) {
+    let add = |values: &mut [f32; 3], noise: &[f64; 3]| {
+        values.iter_mut().zip(noise).for_each(|(value, noise)| *value += *noise as f32);
     };
-    Measurement {
-        position_m: sum(ideal.position_m, noise.position_m),
-        attitude_rad: sum(ideal.attitude_rad, noise.attitude_rad),
-        gyro_rad_s: ideal.gyro_rad_s.map(|rates| sum(rates, noise.gyro_rad_s)),
-        battery_v: ideal.battery_v + noise.battery_v as f32,
+    add(&mut seen.position_m, &noise.position_m);
+    add(&mut seen.attitude_rad, &noise.attitude_rad);
+    if let Some(rates) = &mut seen.gyro_rad_s {
+        add(rates, &noise.gyro_rad_s);
     }
+    seen.battery_v += noise.battery_v as f32;
 }
 
 #[cfg(test)]

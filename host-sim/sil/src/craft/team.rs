@@ -34,7 +34,7 @@ impl Team {
         voltage_v: f64,
     ) {
         let holds = craft.begin_tick(pwm, voltage_v);
-        self.abreast.put(lane, &craft.state, holds);
+        self.abreast.put(lane, &craft.state, &holds);
     }
 
     /// Advances all whose tick has begun.

@@ -57,6 +57,7 @@ impl Watch {
     }
 
     /// A tick: where the craft is (inertial NED, m), what it is doing, and why.
+    #[inline]
     pub(super) fn look(&mut self, position_m: [f64; 3], state: State, conditions: u32) -> Option<Crash> {
         let height_m = -position_m[2];
         let [newer_m, older_m] = self.before_m;
