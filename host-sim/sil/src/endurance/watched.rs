@@ -49,7 +49,7 @@ pub fn impossible(plan: &FlightPlan) -> Option<Impossible> {
     let even_v = lowest_v(plan, &[plan.battery.hover_speed_rad_s; 4]);
     let target = TrimTarget { battery_v: Some(even_v), ..TrimTarget::default() };
     let [_, greatest] = plan.config.command_range;
-    // Nearly every craft hovers near level with much to spare, and then nobody asks by how much: a search for the last digits is for others.
+    // Nearly every craft hovers near level with much to spare, and nobody asks by how much: the search for the last digits is for others.
     if hover_nearby(&plan.model, &target).is_some_and(|rotor| asked(plan, &rotor) < greatest - SPARE) {
         return None;
     }
@@ -168,7 +168,7 @@ pub struct Watched {
     pub crash: Option<(Crash, f64)>,
 }
 
-/// Flies plans as [`until_crash`] does and records them. Of each flight, by its number, `make` makes what is wanted of it when it ends,
+/// Flies plans as [`until_crash`] does, and records them. Of each flight, by its number, `make` makes what is wanted of it when it ends,
 /// and gives back rows, its own or none, whose memory a later flight has: fresh memory for rows costs more than a fast flight's plant.
 pub fn fly_watched<T>(
     plans: &[&FlightPlan],
