@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::case::Flown;
 use crate::error::CampaignError;
+use crate::flown::Flown;
 use crate::plan::{Case, Plan, hex};
 use table::{Table, Values};
 

@@ -15,11 +15,11 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::case::Flown;
 use crate::causes::{Causes, Needed, is_whole};
 use crate::definition::{Samples, Spread, Unknown, limits};
 use crate::draw::{DELAY, Drawn, Input, parts};
 use crate::error::CampaignError;
+use crate::flown::Flown;
 use crate::normal::Normal;
 use crate::part::together;
 use crate::plan::{Case, Plan, Ready};

@@ -6,8 +6,8 @@ use proto::State;
 use sil::endurance::{Crash, Crashed};
 use sil::{Judge, Row, time_of_row_s};
 
-use crate::case::{Flown, Planned, SEPARATOR};
 use crate::draw::Flies;
+use crate::flown::{Flown, Planned, SEPARATOR};
 
 /// What was seen of a flight so far.
 pub(crate) struct Seen<'a> {

@@ -7,8 +7,8 @@ use std::collections::BTreeMap;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-use crate::case::{FLYING, SEPARATOR};
 use crate::drivers::{Driver, drivers};
+use crate::flown::{FLYING, SEPARATOR};
 use crate::part::INPUT;
 use crate::plan::{Campaign, Plan};
 use crate::statistics::{Interval, exact_interval, mcnemar_p_value, paired_interval};

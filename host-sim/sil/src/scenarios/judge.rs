@@ -2,7 +2,7 @@
 
 use design::analysis::{StepMetrics, step_metrics};
 
-use super::scenario::{PATTERN_LEG_S, RequirementCheck, Scenario, step_of};
+use super::scenario::{Course, PATTERN_LEG_S, RequirementCheck, Scenario, step_of};
 use crate::flight::{FlightPlan, Follower, Row, Script, StepCommand};
 
 /// Overshoot beyond which control counts as lost, per cent (as in the reference).
@@ -21,19 +21,6 @@ pub struct Judge<'a> {
     ticks: usize,
     saturated_ticks: usize,
     upright: bool,
-}
-
-/// What requirements look at beside the response to a step.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Course {
-    /// Distance to floor and cage at its least, m; of a flight with a step, until that comes.
-    pub(super) margin_m: f64,
-    /// Greatest angle, rad, of `hover`.
-    pub(super) angle_rad: f64,
-    /// Greatest distance from the height of the start, m, of `hover`.
-    pub(super) height_m: f64,
-    /// Greatest distance to the way-point at the end of a leg, m, of `pattern`.
-    pub(super) miss_m: f64,
 }
 
 /// What came of a flight of a scenario.

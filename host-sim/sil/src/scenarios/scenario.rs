@@ -14,7 +14,6 @@ use control::Config;
 use control::supervision_limits::Fence;
 use model::Model;
 
-use super::judge::Course;
 use crate::craft::NoiseModel;
 use crate::flight::{
     FlightPlan, Script, StepAxis, StepCommand, Waypoint, battery_of, for_identification, with_still_sensors,
@@ -80,6 +79,19 @@ pub struct RequirementCheck {
     pub found: String,
     /// Whether it holds.
     pub holds: bool,
+}
+
+/// What requirements look at beside the response to a step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Course {
+    /// Distance to floor and cage at its least, m; of a flight with a step, until that comes.
+    pub(super) margin_m: f64,
+    /// Greatest angle, rad, of `hover`.
+    pub(super) angle_rad: f64,
+    /// Greatest distance from the height of the start, m, of `hover`.
+    pub(super) height_m: f64,
+    /// Greatest distance to the way-point at the end of a leg, m, of `pattern`.
+    pub(super) miss_m: f64,
 }
 
 /// The way-points of `pattern`, inertial NED, m: corners of the box at different heights, 8 s each.
