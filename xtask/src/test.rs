@@ -39,6 +39,37 @@ const TESTS_AT_ONCE: &str = "NEXTEST_TEST_THREADS";
 const STEPS: &[Step] = &[
     Step { name: "format", about: "sources are formatted", tools: &[&RUSTFMT], run: format },
     Step {
+        name: "arrows",
+        about: "crates use only what the architecture allows",
+        tools: &[],
+        run: check_arrows,
+    },
+    Step { name: "circles", about: "no files use each other in a loop", tools: &[], run: check_circles },
+    Step {
+        name: "folders",
+        about: "folders of a crate use only those below them",
+        tools: &[],
+        run: check_folders,
+    },
+    Step {
+        name: "lengths",
+        about: "files and functions are short enough to read",
+        tools: &[],
+        run: check_lengths,
+    },
+    Step {
+        name: "promises",
+        about: "every test that the book's table of tests names exists",
+        tools: &[&GIT],
+        run: check_promises,
+    },
+    Step {
+        name: "tidy",
+        about: "house rules: heads, links, sizes, leftovers",
+        tools: &[&GIT],
+        run: check_tidy,
+    },
+    Step {
         name: "lints",
         about: "no warnings from clippy or the compiler on any target",
         tools: &[&CLIPPY],
@@ -66,25 +97,6 @@ const STEPS: &[Step] = &[
         run: check_book,
     },
     Step {
-        name: "arrows",
-        about: "crates use only what the architecture allows",
-        tools: &[],
-        run: check_arrows,
-    },
-    Step { name: "circles", about: "no files use each other in a loop", tools: &[], run: check_circles },
-    Step {
-        name: "folders",
-        about: "folders of a crate use only those below them",
-        tools: &[],
-        run: check_folders,
-    },
-    Step {
-        name: "lengths",
-        about: "files and functions are short enough to read",
-        tools: &[],
-        run: check_lengths,
-    },
-    Step {
         name: "licences",
         about: "every dependency may be linked and comes from where it should",
         tools: &[&CARGO_DENY],
@@ -95,18 +107,6 @@ const STEPS: &[Step] = &[
         about: "nothing is linked into what flies but what is listed",
         tools: &[],
         run: supply::check_flying,
-    },
-    Step {
-        name: "promises",
-        about: "every test that the book's table of tests names exists",
-        tools: &[&GIT],
-        run: check_promises,
-    },
-    Step {
-        name: "tidy",
-        about: "house rules: heads, links, sizes, leftovers",
-        tools: &[&GIT],
-        run: check_tidy,
     },
 ];
 

@@ -103,7 +103,7 @@ const ARROWS: &[Allowed] = &[
     },
     Allowed {
         from: "campaign",
-        to: &["sil", "design", "model", "control", "report", "table"],
+        to: &["sil", "design", "model", "control", "proto", "report", "table"],
         why: "many flights of the loop over what a model leaves open, and what came of them",
     },
     Allowed {
