@@ -20,6 +20,7 @@ mod change_together;
 pub mod changes;
 mod columns;
 mod conclusion;
+mod constant_force;
 mod criteria;
 mod dependence;
 mod diagnose;

@@ -37,7 +37,7 @@ pub(crate) fn record(model: &Model, flights: &[&Prepared]) -> Option<TrackerMoun
 }
 
 /// Of the flights that tell.
-fn mounts(model: &Model, flights: &[&Prepared]) -> Vec<TrackerMount> {
+pub(crate) fn mounts(model: &Model, flights: &[&Prepared]) -> Vec<TrackerMount> {
     flights.iter().filter_map(|flight| of_flight(flight, &model.vehicle)).collect()
 }
 
@@ -47,7 +47,7 @@ fn levers(all: &[TrackerMount]) -> Vec<Lever> {
 }
 
 /// A statistic of the flights along each axis.
-fn each_axis<Flight, Statistic, const N: usize>(
+pub(crate) fn each_axis<Flight, Statistic, const N: usize>(
     flights: &[Flight],
     value: impl Fn(&Flight) -> [f64; N],
     statistic: impl Fn(&[f64]) -> Statistic,
@@ -56,7 +56,7 @@ fn each_axis<Flight, Statistic, const N: usize>(
 }
 
 /// Standard error of a mean of values with these standard errors.
-fn mean_error(errors: &[f64]) -> f64 {
+pub(crate) fn mean_error(errors: &[f64]) -> f64 {
     errors.iter().map(|error| error * error).sum::<f64>().sqrt() / errors.len() as f64
 }
 

@@ -86,6 +86,9 @@ pub struct FitRecord {
     /// How the tracker saw the body against the accelerometer. Absent where fewer than four flights tell it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tracker_mount: Option<TrackerMountRecord>,
+    /// The constant force that the accelerometer told along the body, its own offset included. Absent where fewer than four flights tell it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub constant_force: Option<ConstantForceRecord>,
     /// Dead time in s that flights of commands show beyond the model's own: their clocks are counted from it. Absent where
     /// rotor speeds were measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -134,6 +137,16 @@ pub struct TrackerMountRecord {
     /// By how much that of a new flight deviates, m.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lever_deviation_m: Option<[f64; 3]>,
+}
+
+/// A constant specific force along the body in the flights of a fit, as an accelerometer told it.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ConstantForceRecord {
+    /// Along x and y, the accelerometer's offset included, m/s^2.
+    pub force_m_s2: [f64; 2],
+    /// By how much that of a new flight deviates, m/s^2.
+    pub force_deviation_m_s2: [f64; 2],
 }
 
 /// A refinement on open-loop predictions.

@@ -42,8 +42,9 @@ pub use effect::{Coefficient, EffectInfo, Estimate, Kind, Question, Requirement,
 pub use effects::slung_load::cable::SlungLoad;
 pub use effects::{Adjustments, Effect, THRUST_DIFFERENCES, Untilt, thrust_shares};
 pub use fit_record::{
-    AxisError, BalanceRecord, BalanceRow, ChangeScatter, FitRecord, FlightRecord, FlightRole, HistoryEntry,
-    MotorAnswer, OpenLoopSums, ReferenceValues, RefinementRecord, TrackerMountRecord,
+    AxisError, BalanceRecord, BalanceRow, ChangeScatter, ConstantForceRecord, FitRecord, FlightRecord,
+    FlightRole, HistoryEntry, MotorAnswer, OpenLoopSums, ReferenceValues, RefinementRecord,
+    TrackerMountRecord,
 };
 pub use lags::{Followed, LAG_TIMES_S, Lag, Lags};
 pub use log_columns::{

@@ -329,8 +329,8 @@ mod tests {
     use super::*;
     use crate::axis::PerAxis;
     use crate::fit_record::{
-        AxisError, BalanceRecord, BalanceRow, ChangeScatter, FlightRecord, FlightRole, MotorAnswer,
-        OpenLoopSums, RefinementRecord, TrackerMountRecord,
+        AxisError, BalanceRecord, BalanceRow, ChangeScatter, ConstantForceRecord, FlightRecord, FlightRole,
+        MotorAnswer, OpenLoopSums, RefinementRecord, TrackerMountRecord,
     };
     use crate::model::coefficient_names;
     use crate::verdict::{Group, NotIdentified, PerGroup, Verdict};
@@ -390,6 +390,10 @@ mod tests {
                 tilt_deviation_rad: [0.001, 0.002 / 3.0],
                 lever_m: Some([0.03, -0.02, 1.0 / 30.0]),
                 lever_deviation_m: None,
+            }),
+            constant_force: Some(ConstantForceRecord {
+                force_m_s2: [0.2 / 3.0, -0.03],
+                force_deviation_m_s2: [0.001, 0.01 / 3.0],
             }),
             rotor_delay_s: Some(0.1 / 3.0),
             rotation_refused: vec!["C2_q = -3".into()],

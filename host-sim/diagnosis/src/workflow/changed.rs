@@ -8,6 +8,7 @@ use sysid::{Fault, FaultKind, Reference, Severity};
 
 use crate::change::{Change, WIND};
 use crate::change_evidence::changes_of;
+use crate::constant_force;
 use crate::motor_answers;
 use crate::observer::Observer;
 use crate::tracker_mount;
@@ -98,6 +99,10 @@ fn hold_against(
 ) -> Result<(), WorkflowError> {
     flights.hold_against(model, effects, (Likeness::CHANGED, Reference::Flights), observer)?;
     flights.faults.add_of_commands(flights.flights.iter());
+    let force_m_s2 = constant_force::taken_for_offset(model, &flights.prepared());
+    for flight in &mut flights.flights {
+        constant_force::put_back(&mut flight.prepared, force_m_s2);
+    }
     Ok(())
 }
 

@@ -4,6 +4,7 @@ use model::{Axis, AxisError, FitRecord, FlightRecord, FlightRole, Model};
 use sysid::{Prepared, Residuals};
 
 use crate::change_scatter::scatter;
+use crate::constant_force;
 use crate::motor_answers;
 use crate::tracker_mount;
 use crate::unidentified::unidentified;
@@ -43,7 +44,7 @@ impl FlightSets {
     }
 
     /// Adds to the record of a model what new flights are held against: how far each change's estimate scatters between the flights, the
-    /// motors' answers to their commands, and how the tracker lies against the accelerometer. A model that is kept needs it; it is as much
+    /// motors' answers to their commands, and how the tracker lies against the accelerometer and what force that told. A model that is kept needs it; it is as much
     /// work as many fits, so one on the way to another does not.
     pub fn record_for_changes(&self, model: &mut Model) {
         let all: Vec<&Prepared> = self.all().map(|flight| &flight.prepared).collect();
@@ -52,6 +53,7 @@ impl FlightSets {
         let tracker_mount = tracker_mount::record(model, &all);
         if let Some(fit) = &mut model.fit {
             (fit.scatter, fit.motor_answers, fit.tracker_mount) = (scatter, motor_answers, tracker_mount);
+            fit.constant_force = constant_force::record(&all);
         }
     }
 }

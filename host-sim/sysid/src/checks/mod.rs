@@ -1,7 +1,7 @@
 //! What is checked of flights, of a vehicle file and of a fit: faults are found and named, not fitted away.
 
 mod accelerometer;
-mod accelerometer_offset;
+pub mod accelerometer_offset;
 pub mod airborne;
 mod bench;
 pub mod channels;
