@@ -30,6 +30,8 @@ const UNKNOWNS: usize = 11;
 /// Places of the last two among them.
 const PUSH: usize = 6;
 const LEVER: usize = 8;
+/// What is left of an offset by rounding, m/s^2.
+const ROUNDING_M_S2: f64 = 1e-6;
 /// Where a sensor is: at the centre, within so much, m.
 const LEVER_M: f64 = 0.1;
 
@@ -72,14 +74,17 @@ pub(super) fn take_out(flight: &mut Prepared) {
     }
 }
 
-/// Puts back what turned out to be a force, into a flight that an offset was taken out of. Whether it was.
+/// Puts back what turned out to be a force, into a flight that an offset was taken out of. Whether there was anything to put back: done once, it
+/// stays done.
 pub fn put_back(flight: &mut Prepared, force_m_s2: [f64; 2]) -> bool {
-    let was_taken_out = flight.accelerometer_bias_m_s2 != [0.0; 2];
-    if was_taken_out {
-        subtract_accelerometer_bias(&mut flight.stretches, force_m_s2.map(|force| -force));
-        flight.accelerometer_bias_m_s2 = [0, 1].map(|k| flight.accelerometer_bias_m_s2[k] - force_m_s2[k]);
-    }
-    was_taken_out
+    let taken_out_m_s2 = flight.accelerometer_bias_m_s2;
+    let told = constant_force(flight).filter(|_| taken_out_m_s2 != [0.0; 2]);
+    let Some(ConstantForce { value_m_s2, .. }) = told else { return false };
+    let offset_m_s2 = [0, 1].map(|k| value_m_s2[k] - force_m_s2[k]);
+    let further = [0, 1].map(|k| offset_m_s2[k] - taken_out_m_s2[k]);
+    subtract_accelerometer_bias(&mut flight.stretches, further);
+    flight.accelerometer_bias_m_s2 = offset_m_s2;
+    further.iter().any(|of| of.abs() > ROUNDING_M_S2)
 }
 
 fn rows(flight: &Prepared) -> FlightRows {
@@ -226,6 +231,7 @@ mod tests {
         assert!((x - 0.05).abs() < 1e-3 && (y + 0.03).abs() < 1e-3, "{x} {y}");
         let push_m_s2 = flight.accelerometer_bias_m_s2.map(|offset| 0.6 * offset);
         assert!(put_back(&mut flight, push_m_s2));
+        assert!(!put_back(&mut flight, push_m_s2));
         let [x, y] = constant_force(&flight).unwrap().value_m_s2;
         assert!((x - 0.05).abs() < 1e-3 && (y + 0.03).abs() < 1e-3, "{x} {y}");
         let felt = |flight: &Prepared| flight.stretches[0].imu_m_s2.as_ref().unwrap()[0].clone();
